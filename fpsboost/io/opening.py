@@ -24,7 +24,14 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import VIDEO_SUFFIXES, OutputTiming, check_is_no_playlist, containers, encodes_alpha, open_video
+from fpsboost.media import (
+    VIDEO_SUFFIXES,
+    OutputTiming,
+    check_is_no_playlist,
+    containers_by_suffix,
+    encodes_alpha,
+    open_video,
+)
 from fpsboost.memory import MemoryLimit
 from fpsboost.options import PathName, checked
 
@@ -274,7 +281,7 @@ class Target:
         if self.kind == "pipe":
             return False
         if self.kind == "video":
-            return encodes_alpha(encoding, containers[Path(self.path).suffix.lower()])
+            return encodes_alpha(encoding, containers_by_suffix[Path(self.path).suffix.lower()])
         return not is_pattern(self.path) or keeps_alpha(extension_of(self.path))
 
     def requirements(

@@ -27,7 +27,7 @@ from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
 from fpsboost.media.other_streams import MOVIE_CLOCK, OtherStreams
 from fpsboost.media.pyav import REFUSALS, Packet
-from fpsboost.media.staging import rename_safely, sync
+from fpsboost.media.safe_files import rename_safely, sync
 from fpsboost.media.traits import VideoTraits
 
 CHUNK_FRAMES = 240

@@ -16,28 +16,15 @@ from typing import Literal, NamedTuple, Self
 import av
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.media.clock import (
-    VideoClock,
-    assumed_rate_remark,
-    in_rising_order,
-    measured_cadence,
-    nominal_rate,
-    survey,
-)
-from fpsboost.media.demuxer import (
-    Demuxer,
-    VideoFile,
-    is_fragmented,
-    is_raw,
-    left_out_remarks,
-    open_video,
-    read_packets,
-)
+from fpsboost.media.clock import VideoClock, in_rising_order, survey
+from fpsboost.media.demuxer import Demuxer, VideoFile, is_fragmented, is_raw, left_out_remarks, read_packets
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
+from fpsboost.media.frame_rate import assumed_rate_remark, measured_cadence, nominal_rate
 from fpsboost.media.info import ClipInfo
+from fpsboost.media.opening import open_video
 from fpsboost.media.output import StreamInfo
-from fpsboost.media.pictures import MAX_REORDERED, FormatUnifier, Pictures
+from fpsboost.media.pictures import FormatUnifier, Pictures
 from fpsboost.media.pixels import has_alpha
 from fpsboost.media.pyav import as_fraction
 from fpsboost.media.remarks import (
@@ -47,6 +34,7 @@ from fpsboost.media.remarks import (
     encrypted_sentence,
     lost_alpha_remark,
 )
+from fpsboost.media.reorder_buffer import MAX_REORDERED
 from fpsboost.media.side_data import read_header
 from fpsboost.media.tags import ORDER, unread_of_chapters
 from fpsboost.media.traits import VideoTraits, read_traits

@@ -67,7 +67,7 @@ class Container:
         if self.holds(codec):
             return
         fitting = [common for common, encoder in others.items() if self.holds(encoder)]
-        suffixes = [suffix for suffix, other in containers.items() if other.holds(codec)]
+        suffixes = [suffix for suffix, other in containers_by_suffix.items() if other.holds(codec)]
         instead = f", or write {' or '.join(suffixes)}" if suffixes else ""
         raise OptionError(f"{option} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
 
@@ -81,8 +81,8 @@ MATROSKA = Container(
 )
 WEBM = Container("webm", (".webm",), "libopus", "webvtt", matroska_elements=True, replaces_sound=True)
 
-containers = {suffix: container for container in (MP4, MOV, MATROSKA, WEBM) for suffix in container.suffixes}
+containers_by_suffix = {suffix: container for container in (MP4, MOV, MATROSKA, WEBM) for suffix in container.suffixes}
 """Containers by the suffixes of their files."""
 
-VIDEO_SUFFIXES = tuple(containers)
+VIDEO_SUFFIXES = tuple(containers_by_suffix)
 """Suffixes of the video files that can be written."""

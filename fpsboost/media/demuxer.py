@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import re
-import statistics
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import av
+from av import VideoStream
 from av.container import InputContainer
 from av.error import FFmpegError
 from av.format import Flags
 from av.stream import Disposition, Stream
 
-from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
+from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
+from fpsboost.media.opening import boxes_of, open_video
 from fpsboost.media.pixels import NO_COLOUR_TAG
-from fpsboost.media.pyav import REFUSALS, Packet, open_input
+from fpsboost.media.pyav import Packet
 from fpsboost.media.remarks import Damage, encrypted_sentence
+from fpsboost.media.transport_streams import clock_jumps, is_scrambled
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 
@@ -42,38 +42,6 @@ MAX_STEP_BACK = Fraction(1, 10)
 MAX_GAP = Fraction(10)
 """Maximum gap between packets that is no new recording, seconds; both values are those of FFmpeg's programs."""
 
-HEADER_BOX = b"moov"
-"""Type of the box that describes the streams of an MP4 or MOV, and lists their samples."""
-
-FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}  # types of the boxes that files of MP4 and MOV begin with
-
-SEGMENT_BOXES = {b"styp", b"sidx", b"moof", b"emsg", b"prft"}
-"""Types of the boxes that a segment of DASH or HLS in MP4 begins with, which do not describe its streams."""
-
-unreadable_playlists = {
-    b"<MPD": "is a manifest of DASH, which this FFmpeg cannot read; join the initialization segment and the segments "
-    "of one stream (cat init.mp4 *.m4s > whole.mp4), and name that.",
-    b"#EXT-X-KEY": "is a playlist of encrypted segments (#EXT-X-KEY), and they or their key cannot be read; put the "
-    "key where it says, or name a copy that is not encrypted.",
-    b"": "is a playlist, and the files that it names cannot be read; check that they are there.",
-}
-"""Reason why a playlist cannot be opened, with advice, by the first of these marks that it contains."""
-
-TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
-"""A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
-
-PICTURE_TIME = re.compile(rb"\x00\x00\x01[\xe0-\xef]..[\x80-\xbf][\x80-\xff].(.{5})", re.DOTALL)
-"""Presentation time, among bits that are always set, in the header of a packet of video (PES)."""
-
-MAX_REORDERED_TIME = 45_000
-"""Maximum backward step between presentation times in storage order, as reordering causes it, ticks of 90 kHz."""
-
-PROBES = 256
-"""Number of places of a file at which a sample is taken."""
-MIN_PROBED_BYTES = 1 << 12
-"""Least size of a sample."""
-MAX_PROBED_BYTES = 1 << 15
-"""Greatest size of a sample."""
 
 UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
@@ -172,14 +140,7 @@ class Demuxer:
             first, last = (self.stream.index_entries[place].timestamp for place in (0, -1))
             if 0 < first <= last < duration:  # else no entry of the index would be within the duration
                 return duration - first if (duration - last) * Fraction(self.stream.time_base or 1) < 1 else None
-        times: list[int] = []
-        for block in probed(self._path) if clock_may_jump(self.container) else ():
-            if match := PICTURE_TIME.search(block):
-                bits = int.from_bytes(match[1])  # of the time: 3, 15 and 15, with markers between
-                times.append(bits >> 3 & 7 << 30 | bits >> 2 & 0x7FFF << 15 | bits >> 1 & 0x7FFF)
-        steps = [(later - earlier + MAX_REORDERED_TIME) % (1 << 33) for earlier, later in pairwise(times)]
-        jumps = max(steps, default=0) > 10 * max(statistics.median(steps or [0]), MAX_REORDERED_TIME)
-        return None if jumps else duration
+        return None if clock_may_jump(self.container) and clock_jumps(self._path) else duration
 
     def packets(self, damage: Damage) -> Iterator[Packet]:
         """Yield the video packets from the current position on; update `damage`, `clear` and the positions read."""
@@ -218,84 +179,7 @@ class Demuxer:
         self.container.close()
 
 
-def open_video(path: Path, name: str, *, playlists: bool = False) -> InputContainer:
-    """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
-    refuse(
-        {
-            f"{name} is a folder; name a video file, or a pattern of images inside it.": path.is_dir(),
-            f"{name} does not exist; check the path.": not path.exists(),
-        },
-        InputError,
-    )
-    try:
-        # An absolute path, because FFmpeg takes what stands before a colon in a relative one for a protocol.
-        container = open_input(str(path.absolute()), playlists=playlists)
-    except PermissionError:
-        raise InputError(f"{name} may not be read; check its permissions.") from None
-    except (*REFUSALS, OSError):
-        if not playlists:
-            check_is_no_playlist(path, name)
-        raise InputError(f"{name} {_why_unreadable(path)}") from None
-    if container.format.name == "tty":  # FFmpeg shows any text file as a terminal session
-        container.close()
-        raise InputError(f"{name} is a text file; name a video file.")
-    return container
-
-
-def check_is_no_playlist(path: Path, name: str) -> None:
-    """Raise `InputError` for a file that names other files to be read."""
-    if _is_playlist(path):
-        raise InputError(
-            f"{name} is a playlist, which other files would be read for; name the file that it plays, or pass "
-            "`allow_playlists=True`."
-        )
-
-
-def _is_playlist(path: Path) -> bool:
-    """Return whether a file is text that names other files to be read: HLS, DASH, SDP, scripts of concat."""
-    with path.open("rb") as file:
-        head = file.read(1000).lstrip(b"\xef\xbb\xbf \t\r\n")
-    return head.startswith((b"#EXTM3U", b"ffconcat version", b"v=0")) or b"<MPD" in head
-
-
-def _why_unreadable(path: Path) -> str:
-    """Return why FFmpeg cannot open a file, and what to do, as the end of a sentence that its name begins."""
-    if _is_playlist(path):
-        text = path.read_bytes()
-        return next(reason for mark, reason in unreadable_playlists.items() if mark in text)
-    boxes = [kind for kind, _ in boxes_of(path)]
-    is_whole = HEADER_BOX in boxes
-    if not is_whole and not SEGMENT_BOXES.isdisjoint(boxes):
-        return (
-            "is a segment of DASH or HLS without its initialization segment, which says how to decode it; put that "
-            "before it (cat init.mp4 segment.m4s > whole.mp4), and name the result."
-        )
-    if not is_whole and not FIRST_BOXES.isdisjoint(boxes[:1]):
-        return (
-            "was never finished: its index (moov) is missing, as after a crash or an interrupted copy; copy it again, "
-            "or recover it with a tool such as untrunc."
-        )
-    return "is not a video file that can be read, or it is damaged at its beginning."
-
-
-def boxes_of(path: Path) -> Iterator[tuple[bytes, bytes]]:
-    """Yield the types of the boxes of an MP4 or MOV in order, that of the header with its content.
-
-    What it yields of other files means nothing.
-    """
-    begin = 0
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        while len(head := file.read(16)) >= 8:
-            kind = head[4:8]
-            length = int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
-            yield kind, file.read(min(length, size)) if kind == HEADER_BOX else b""
-            if not 8 <= length < size:  # 0 stands for the end of the file
-                break
-            begin = file.seek(begin + length)
-
-
-def choose_video(container: InputContainer, name: str, wanted: int | None) -> av.VideoStream:
+def choose_video(container: InputContainer, name: str, wanted: int | None) -> VideoStream:
     """Choose a video stream: the one with the number `wanted`, or the one that FFmpeg considers the best.
 
     That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first that is
@@ -327,29 +211,7 @@ def is_encrypted(packet: Packet) -> bool:
     return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
 
 
-def probed(path: Path) -> Iterator[bytes]:
-    """Yield blocks of a file at regular distances, as a sample of its content."""
-    size = path.stat().st_size
-    step = max(MIN_PROBED_BYTES, size // PROBES)
-    with path.open("rb") as file:
-        for place in range(0, size, step):
-            file.seek(place)
-            yield file.read(min(step, MAX_PROBED_BYTES))
-
-
-def is_scrambled(path: Path, pid: int) -> bool:
-    """Return whether packets with this identifier are scrambled somewhere in a transport stream, by a sample.
-
-    FFmpeg passes over such packets without a word.
-    """
-    flags = (
-        [flags[0] for head, flags in TRANSPORT_PACKET.findall(block) if int.from_bytes(head) & 0x1FFF == pid]
-        for block in probed(path)
-    )
-    return any(4 * sum(each >= 0x40 for each in of_block) > len(of_block) for of_block in flags)
-
-
-def left_out_remarks(container: InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
+def left_out_remarks(container: InputContainer, chosen: VideoStream, name: str) -> list[str]:
     """Return the remarks on the video streams that are not read."""
     videos = [stream for stream in container.streams.video if not is_cover_art(stream) and stream.index != chosen.index]
     if not videos:
@@ -369,14 +231,14 @@ def is_cover_art(stream: Stream) -> bool:
     )
 
 
-def _described(stream: av.VideoStream) -> str:
+def _described(stream: VideoStream) -> str:
     """Describe a video stream by its number, format and size: ``0 (h264 1280x720)``."""
     context = stream.codec_context
     coded = "unknown format" if context is None else f"{stream.name or 'unknown'} {context.width}x{context.height}"
     return f"{stream.index} ({coded}{', one frame' if stream.frames == 1 else ''})"
 
 
-def _score(stream: av.VideoStream) -> tuple[int, bool]:
+def _score(stream: VideoStream) -> tuple[int, bool]:
     """Return the size of a stream, pixels, with a bonus for the default flag, and whether it has colour."""
     context = stream.codec_context
     if context is None:

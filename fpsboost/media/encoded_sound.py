@@ -12,16 +12,16 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from operator import attrgetter
 from typing import Any, get_args
 
 import av.container
 import av.filter
 import numpy as np
+from av import AudioFrame
 from av.container import OutputContainer
 from av.error import FFmpegError
 from av.filter import Graph
@@ -29,21 +29,10 @@ from av.packet import PacketSideData, PktSideDataT
 from av.stream import Stream
 
 from fpsboost.media.clock import Window
-from fpsboost.media.encoding import find_encoder
-from fpsboost.media.errors import OptionError
 from fpsboost.media.info import FOREVER, Passage
-from fpsboost.media.output import Output
 from fpsboost.media.pyav import REFUSALS, Packet, pulled
+from fpsboost.media.sound_formats import BITRATE_PER_CHANNEL, Traits, is_lossless, named_layout, traits_for
 
-sound_encoders = {"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"}
-sound_encoders |= {"flac": "flac", "alac": "alac", "pcm": "pcm_s16le"}
-"""FFmpeg's encoders by the common name of their format."""
-
-BITRATE_PER_CHANNEL = 96_000
-"""Bit rate per channel, bits per second, at which AAC and Opus are hard to distinguish from the source."""
-OPUS_SAMPLE_RATE = 48_000  # output sample rate of Opus decoders, which does not depend on the encoded rate, Hz
-STANDARD_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")
-"""Standard channel layouts for one channel, two, ..."""
 MIN_GAP = Fraction(1, 50)
 """Minimum distance of audio from the end of its run that is a gap, seconds: above jitter, and a lost packet."""
 MAX_PADDING = Fraction(1, 5)  # duration of padding at the end of a source, at most, seconds: a long packet
@@ -58,69 +47,6 @@ WHOLE = Passage(-FOREVER, FOREVER, -FOREVER, FOREVER)
 """All of a source, with what lies before time 0."""
 FROM_START = Passage(Fraction(0), FOREVER, Fraction(0), FOREVER)
 """All of a part at its own speed."""
-
-Traits = tuple[int, str, str]
-"""Sample rate, sample format and channel layout of audio."""
-
-
-def choose_sound_encoder(output: Output) -> str | None:
-    """Return FFmpeg's encoder for the audio codec that was asked for, or None if audio is to be copied."""
-    asked = output.encoding.audio_codec
-    if asked is None or asked.lower() == "copy":
-        return None
-    encoder = sound_encoders.get(asked.lower(), asked)
-    if find_encoder(encoder, "audio") is None:
-        raise OptionError(
-            f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, copy, or the exact name of an "
-            "FFmpeg sound encoder."
-        )
-    output.container.check_holds(encoder, output.path, f"`audio_codec={asked!r}`", sound_encoders)
-    return encoder
-
-
-def traits_for(encoder: str, source: Traits) -> Traits:
-    """Return the source's sample rate, format and layout if the encoder supports them, else those that lose least.
-
-    These are the next higher rate, the standard layout of as many channels or else stereo, and a format with at least
-    the source's bits, or floats for a lossy encoder, which do not clip.
-    """
-    codec = av.Codec(encoder, "w")
-    rates: Collection[int] = codec.audio_rates or ()
-    rate = min((higher for higher in rates if higher >= source[0]), default=max(rates, default=source[0]))
-    offered = codec.audio_formats or [av.AudioFormat(source[1])]
-    if codec.lossy:
-        offered = [format for format in offered if format.name.startswith("flt")] or offered
-    size = attrgetter("bytes")
-    enough = [format for format in offered if format.bytes >= av.AudioFormat(source[1]).bytes]
-    format = str((min(enough, key=size) if enough else max(offered, key=size)).name)
-    target = OPUS_SAMPLE_RATE if codec.canonical_name == "opus" else rate, format
-    channels = av.AudioLayout(source[2]).nb_channels
-    layouts = (source[2], *STANDARD_LAYOUTS[channels - 1 : channels])
-    return *target, next((name for name in layouts if _takes(encoder, (*target, name))), "stereo")
-
-
-def named_layout(layout: av.AudioLayout) -> str:
-    """Return the name of a layout; of one that gives only the number of channels, that of the standard layout."""
-    says_nothing = layout.name.endswith(("channels", "channel")) and layout.nb_channels <= len(STANDARD_LAYOUTS)
-    return STANDARD_LAYOUTS[layout.nb_channels - 1] if says_nothing else layout.name
-
-
-def is_lossless(encoder: str) -> bool:
-    """Return whether an encoder has no lossy mode."""
-    codec = av.Codec(encoder, "w")
-    return codec.lossless and not codec.lossy
-
-
-def _takes(encoder: str, traits: Traits) -> bool:
-    """Return whether an encoder opens with this sample rate, format and layout."""
-    context: Any = av.CodecContext.create(encoder, "w")
-    try:
-        context.sample_rate, context.format, context.layout = traits
-        context.time_base = Fraction(1, traits[0])
-        context.open()
-    except REFUSALS:
-        return False
-    return True
 
 
 def can_encode(stream: Stream, encoder: str) -> bool:
@@ -179,7 +105,7 @@ class EncodedSound:
         self.stream: Any = target
         self._run: _Run | None = None
         self._next_pts: int | None = None
-        self._latest: av.AudioFrame | None = None
+        self._latest: AudioFrame | None = None
         self._packets_end = self._tick = Fraction(0)
         self.silent_until = FOREVER
 
@@ -253,7 +179,7 @@ class EncodedSound:
                 last.set_sidedata(discarded)
         return packets
 
-    def _take(self, frame: av.AudioFrame, begin: Fraction) -> None:
+    def _take(self, frame: AudioFrame, begin: Fraction) -> None:
         """Stretch and encode new samples in the window; `begin`, of the packet, is the time of a frame without one."""
         run = self._run
         time = begin if frame.pts is None else frame.pts * Fraction(frame.time_base or 1)
@@ -278,7 +204,7 @@ class EncodedSound:
         heard = [FROM_START] if curve is None else curve.sounding
         return [replace(x, source0=begin + x.source0, source1=min(begin + x.source1, last)) for x in heard]
 
-    def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: Passage) -> None:
+    def _stretch(self, frame: AudioFrame, time: Fraction, first: int, last: int, piece: Passage) -> None:
         """Stretch and encode some samples of a frame that begins at a time."""
         run = self._run
         stretch = 1 / piece.slope0
@@ -330,7 +256,7 @@ class EncodedSound:
             self._encode(_silence(end - self._next_pts, self._target))
         return self._next_pts
 
-    def _encode(self, frames: Iterator[av.AudioFrame], end: int | None = None) -> None:
+    def _encode(self, frames: Iterator[AudioFrame], end: int | None = None) -> None:
         """Encode frames behind those before them, up to a sample of the output; the latest one waits.
 
         It may be the last one, and have padding, which is cut off then.
@@ -370,7 +296,7 @@ class _Run:
         return self.start + Fraction(self.taken, self.traits[0])
 
 
-def _silence(samples: int, target: Traits) -> Iterator[av.AudioFrame]:
+def _silence(samples: int, target: Traits) -> Iterator[AudioFrame]:
     """Yield frames of silence, few samples at a time."""
     graph = Graph()
     nodes = [
@@ -406,13 +332,13 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> Graph:
     return graph
 
 
-def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame:
+def _slice_samples(frame: AudioFrame, first: int, last: int) -> AudioFrame:
     """Return some samples of a frame; the time is that of the whole frame."""
     if (first, last) == (0, frame.samples):
         return frame
     width = 1 if frame.format.is_planar else frame.layout.nb_channels
     samples: np.ndarray = np.ascontiguousarray(frame.to_ndarray()[:, first * width : last * width])
-    part = av.AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
+    part = AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
     part.sample_rate = frame.sample_rate
     part.pts = frame.pts
     part.time_base = frame.time_base

@@ -18,6 +18,7 @@ from io import BytesIO
 from pathlib import Path
 
 import av
+from av import VideoFormat, VideoFrame, VideoStream
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
 from av.container import OutputContainer
 from av.error import FFmpegError
@@ -89,7 +90,7 @@ class VideoEncoder:
             self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source.")
         self.keeps_captions = CAPTIONS in kept
         self._null_output: OutputContainer | None = None
-        self._stream: av.VideoStream | None = None
+        self._stream: VideoStream | None = None
 
     @property
     def details(self) -> str:
@@ -114,13 +115,13 @@ class VideoEncoder:
         return kept
 
     @property
-    def stream(self) -> av.VideoStream:
+    def stream(self) -> VideoStream:
         """Stream of the open encoder, which the first use opens; its container goes to memory and is never used."""
         if self._stream is None:
             self._stream = self._open()
         return self._stream
 
-    def encode(self, picture: av.VideoFrame, pts: int, duration: int, *, is_original: bool) -> list[Packet]:
+    def encode(self, picture: VideoFrame, pts: int, duration: int, *, is_original: bool) -> list[Packet]:
         """Encode the next picture, and return the packets that are ready, often those of earlier pictures.
 
         Parameters
@@ -174,12 +175,12 @@ class VideoEncoder:
             with contextlib.suppress(FFmpegError):
                 container.close()
 
-    def _open(self) -> av.VideoStream:
+    def _open(self) -> VideoStream:
         """Open the encoder, in a container in memory, because PyAV copies its parameters to a stream only there."""
         self._null_output = av.open(BytesIO(), "w", format=self._output.container.name)
         rate = self._output.timing.rate  # only a tag here, since times are exact; FFmpeg has two 32-bit numbers for it
         rate = rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
-        stream: av.VideoStream = self._null_output.add_stream(  # type: ignore[assignment]
+        stream: VideoStream = self._null_output.add_stream(  # type: ignore[assignment]
             self._encoder, rate=rate, width=self._output.info.width, height=self._output.info.height
         )
         context = stream.codec_context
@@ -209,7 +210,7 @@ class VideoEncoder:
         elif _is_rgb(self.pixel_format):
             context.colorspace = RGB
             context.color_range = FULL_RANGE
-        elif is_gray(av.VideoFormat(self.pixel_format)):  # else decoders that give yuv420p for it take it for limited
+        elif is_gray(VideoFormat(self.pixel_format)):  # else decoders that give yuv420p for it take it for limited
             context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
             self.full_range = True
@@ -236,7 +237,7 @@ class VideoEncoder:
 
 
 def _is_rgb(pixel_format: str) -> bool:
-    return av.VideoFormat(pixel_format).is_rgb
+    return VideoFormat(pixel_format).is_rgb
 
 
 @contextlib.contextmanager
@@ -352,9 +353,7 @@ def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str,
                 f"{size[0]}x{size[1]}; use yuv444p, or crop to an even size."
             )
         is_rare = (
-            encoder_of(encoder) in encoders.values()
-            and not encoding.lossless
-            and _chroma_of(av.VideoFormat(wanted)) == 1
+            encoder_of(encoder) in encoders.values() and not encoding.lossless and _chroma_of(VideoFormat(wanted)) == 1
         )
         return wanted, [f"{name} was written as {wanted}, as asked for, which few players show."] if is_rare else []
     is_deep = depth_of(source) > 8
@@ -396,11 +395,11 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
 
     Ties go to the more similar format if `exact`, else to YCbCr, in which encoders lose less.
     """
-    source = av.VideoFormat(wanted)
+    source = VideoFormat(wanted)
     offered = [name for name in offered if not EXCLUDED_FORMATS.search(name)] or offered
 
     def worth(name: str) -> tuple[float, ...]:
-        target = av.VideoFormat(name)
+        target = VideoFormat(name)
         return (
             is_gray(source) or not is_gray(target),
             min(_chroma_of(target), _chroma_of(source)),
@@ -416,7 +415,7 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
 
 def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> list[str]:
     """Return the remark on depth and colour resolution that the chosen format lacks; empty if it lacks nothing."""
-    finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(chosen))
+    finer = _chroma_of(VideoFormat(source)) > _chroma_of(VideoFormat(chosen))
     deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
     if not finer and not deeper:
         return []
@@ -431,22 +430,22 @@ def _loss_sentence(name: str, lost: list[str], encoder: str, chosen: str, source
 
 def _bits_held(name: str, source: str, *, exact: bool) -> int:
     """Return the bits per sample of a format or, if `exact`, the bits of the source's samples that it preserves."""
-    target = av.VideoFormat(name)
-    through_matrix = exact and not (target.is_rgb or is_gray(target)) and av.VideoFormat(source).is_rgb
+    target = VideoFormat(name)
+    through_matrix = exact and not (target.is_rgb or is_gray(target)) and VideoFormat(source).is_rgb
     return depth_of(name) - YCBCR_EXTRA_BITS * through_matrix
 
 
-def _chroma_of(format: av.VideoFormat) -> float:
+def _chroma_of(format: VideoFormat) -> float:
     """Return the samples of chroma per pixel: 1 in RGB and 4:4:4, 0 in gray."""
     if is_gray(format):
         return 0
-    layout = av.VideoFormat(format.name, 16, 16)
+    layout = VideoFormat(format.name, 16, 16)
     return layout.chroma_width() * layout.chroma_height() / 256
 
 
 def _divides(pixel_format: str, width: int, height: int) -> bool:
     """Return whether the chroma samples of a pixel format divide the size of a picture."""
-    layout = av.VideoFormat(pixel_format, 16, 16)
+    layout = VideoFormat(pixel_format, 16, 16)
     across = 16 // max(1, layout.chroma_width())
     down = 16 // max(1, layout.chroma_height())
     return width % across == 0 and height % down == 0

@@ -16,13 +16,14 @@ from av.container import InputContainer, OutputContainer
 from av.error import FFmpegError
 from av.stream import Discard, Stream
 
-from fpsboost.media.containers import Container, containers
+from fpsboost.media.containers import Container, containers_by_suffix
 from fpsboost.media.demuxer import VideoFile
-from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, named_layout, sound_encoders
+from fpsboost.media.encoded_sound import can_encode
 from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pyav import REFUSALS, Packet, open_input, trial_file
+from fpsboost.media.sound_formats import choose_sound_encoder, named_layout, sound_encoders
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
 TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")  # characters with a special meaning to the tee muxer in a path
@@ -153,7 +154,7 @@ def _others_for(output: Output, encoder: str, stream: Stream, sample: bytes | No
     """Return the suffixes of other containers that hold a stream, and the video if its encoder was asked for."""
     return [
         suffix
-        for suffix, other in containers.items()
+        for suffix, other in containers_by_suffix.items()
         if other != output.container
         and (not output.encoding.codec or other.holds(encoder))
         and fits(other, stream, sample)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fpsboost.media.clock import TimeMap, Window
-from fpsboost.media.containers import MATROSKA_TICK, Container, containers
+from fpsboost.media.containers import MATROSKA_TICK, Container, containers_by_suffix
 from fpsboost.media.demuxer import VideoFile
 from fpsboost.media.errors import OutputError
 from fpsboost.media.info import ClipInfo, EncodeSettings, OutputTiming
@@ -53,9 +53,11 @@ class Output:
     @property
     def container(self) -> Container:
         """Container of the file; `OutputError` if none can hold it."""
-        container = containers.get(Path(self.path).suffix.lower())
+        container = containers_by_suffix.get(Path(self.path).suffix.lower())
         if container is None:
-            raise OutputError(f"{self.path} has no suffix of a video file; use one of {', '.join(containers)}.")
+            raise OutputError(
+                f"{self.path} has no suffix of a video file; use one of {', '.join(containers_by_suffix)}."
+            )
         if not container.exact_times and 1 / self.timing.rate < MATROSKA_TICK:
             raise OutputError(
                 f"{self.path} counts time in milliseconds and cannot hold {float(self.timing.rate):g} frames per "

@@ -1,35 +1,31 @@
 """Pictures of a video stream: decoded, in presentation order, deinterlaced, upright, and all like the first one."""
 
-from collections import Counter
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from fractions import Fraction
-from itertools import chain, groupby, pairwise
-from typing import Any, cast
+from itertools import chain
+from typing import cast
 
 import av.filter
+from av import VideoFormat, VideoFrame
 from av.error import FFmpegError
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.media.clock import VideoClock
 from fpsboost.media.errors import InputError
+from fpsboost.media.picture_filters import FilterGraphs, cropped, frames_of_fields
 from fpsboost.media.pixels import (
     SCALER_FLAGS,
     add_colour_tags,
-    chroma_location_of,
     color_space_of,
     full_chroma,
-    graph_of,
     has_alpha,
     is_full_range,
-    kind_of_picture,
 )
-from fpsboost.media.pyav import REFUSALS, as_fraction, pulled
+from fpsboost.media.pyav import REFUSALS, as_fraction
 from fpsboost.media.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
-from fpsboost.media.side_data import CAPTIONS, Crop
+from fpsboost.media.reorder_buffer import ReorderBuffer
+from fpsboost.media.side_data import Crop
 from fpsboost.media.traits import VideoTraits, primaries, tag_name, transfers
-
-MAX_REORDERED = 16
-"""Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""
 
 MAX_SQUEEZE = Fraction(1, 50)
 """Difference of the shapes of pictures that scaling ignores: 1088 rows for 1080, pixels of 59:54 for 16:15."""
@@ -43,16 +39,11 @@ REPEATING_CODECS = {"mpeg1video", "mpeg2video", "h264", "hevc", "vc1", "cavs"}
 WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
 """FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
 
-DEINTERLACING = (
-    ("bwdif", "mode=send_field:parity=auto:deint=all"),
-    ("sidedata", f"mode=delete:type={CAPTIONS}:enable='mod(n,2)'"),
-)
-"""FFmpeg's filters that make two pictures of each."""
 
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
-class Pictures(Iterator[av.VideoFrame]):
+class Pictures(Iterator[VideoFrame]):
     """Iterator over the pictures of a video stream in presentation order, from the current position of its file.
 
     Pictures with a palette become RGB, or RGBA if the first one has transparent colours. `damage` counts faults so far.
@@ -103,34 +94,34 @@ class Pictures(Iterator[av.VideoFrame]):
         self._reformatter = VideoReformatter()
         self._palette_format = ""
         self._coded = self._decode()
-        self._presented: Iterator[av.VideoFrame] = self._coded
+        self._presented: Iterator[VideoFrame] = self._coded
         if deinterlace:
             self._presented = frames_of_fields(self._presented, clock.tick, name)
         if crop is not None:
             self._presented = cropped(self._presented, crop, clock.tick, name)
-        self._next: av.VideoFrame | None = None
+        self._next: VideoFrame | None = None
         self._aspects: list[Fraction] = []
         """Pixel aspect ratios by the decoder, which is ahead of the pictures."""
-        self._graphs = _Graphs(self._tick)
+        self._graphs = FilterGraphs(self._tick)
 
-    def __next__(self) -> av.VideoFrame:
+    def __next__(self) -> VideoFrame:
         picture = self._next
         self._next = None
         return next(self._presented) if picture is None else picture
 
-    def peek(self) -> av.VideoFrame | None:
+    def peek(self) -> VideoFrame | None:
         """Return the next picture without consuming it; None at the end."""
         self._next = next(self, None)
         return self._next
 
-    def forget_earlier(self, next_picture: av.VideoFrame) -> None:
+    def forget_earlier(self, next_picture: VideoFrame) -> None:
         """Make a picture that was just taken the next one again, and reset the counts to begin with it."""
         self._next = next_picture
         self.damage.corrupt = 0
         self._count = 1
         self._interlaced_count = int(next_picture.interlaced_frame)
 
-    def aspect_of(self, picture: av.VideoFrame) -> Fraction:
+    def aspect_of(self, picture: VideoFrame) -> Fraction:
         """Return the pixel aspect ratio of a picture, which PyAV lacks: a filter scales by it, and is measured."""
         if len(self._aspects) > 1:
             width = self._graphs.passed(picture, ("scale", "16+1000*sar:16:neighbor:eval=frame")).width
@@ -158,7 +149,7 @@ class Pictures(Iterator[av.VideoFrame]):
         which = "no frame" if not interlaced else f"only {interlaced} of {counted(count, 'frame')}"
         return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
 
-    def _decode(self) -> Generator[av.VideoFrame, None, None]:
+    def _decode(self) -> Generator[VideoFrame, None, None]:
         """Yield the decoded pictures in presentation order, past packets that cannot be decoded."""
         for packet in chain(self._file.packets(self.damage), [None]):
             pts = None if packet is None else packet.pts
@@ -185,7 +176,7 @@ class Pictures(Iterator[av.VideoFrame]):
                 yield from self._counted(self._buffer.push(shown))
         yield from self._counted(self._buffer.flush())
 
-    def _set_time(self, picture: av.VideoFrame, rate: Fraction) -> None:
+    def _set_time(self, picture: VideoFrame, rate: Fraction) -> None:
         """Let a picture of a raw stream begin where the one before it ends, counted in halves of a frame.
 
         FFmpeg's durations at this rate are right where they say that fields or frames are repeated (pulldown).
@@ -197,7 +188,7 @@ class Pictures(Iterator[av.VideoFrame]):
         picture.time_base = self._tick
         self._end_of_raw += picture.duration
 
-    def _without_palette(self, picture: av.VideoFrame) -> av.VideoFrame:
+    def _without_palette(self, picture: VideoFrame) -> VideoFrame:
         """Convert a picture with a palette to RGB or RGBA, the same format for the whole clip."""
         whole = self._reformatter.reformat(picture, format="rgba", interpolation=SCALER_FLAGS)
         is_opaque = whole.to_ndarray()[..., 3].min() == 255
@@ -206,142 +197,13 @@ class Pictures(Iterator[av.VideoFrame]):
             self._remarks += {lost_alpha_remark(self._name)}.difference(self._remarks)
         return self._reformatter.reformat(whole, format=self._palette_format, interpolation=SCALER_FLAGS)
 
-    def _counted(self, pictures: list[av.VideoFrame]) -> Iterator[av.VideoFrame]:
+    def _counted(self, pictures: list[VideoFrame]) -> Iterator[VideoFrame]:
         """Yield pictures, and count them, interlaced ones and corrupt ones."""
         for picture in pictures:
             self.damage.corrupt += picture.is_corrupt
             self._count += 1
             self._interlaced_count += picture.interlaced_frame
             yield picture
-
-
-class ReorderBuffer:
-    """Buffer that keeps pictures in decoder output order and assigns their presentation times in increasing order.
-
-    AVI, and MP4 without composition offsets, store decoding times only; the presentation times that FFmpeg derives from
-    them are wrong where pictures are reordered, but the order in which a decoder outputs pictures is right. Pictures
-    wait only while the decoder still has to output one with an earlier time. If sorted times are closer than half the
-    usual interval, they were not interchanged but damaged, and are left unchanged.
-
-    Parameters
-    ----------
-    interval : float
-        Usual interval between pictures, ticks.
-    reorders : bool
-        Whether the codec reorders pictures; if not, they pass at once.
-    """
-
-    def __init__(self, interval: float, *, reorders: bool = True) -> None:
-        self.has_interchanged = False
-        self._interval = interval
-        self._reorders = reorders
-        self._owed: Counter[int] = Counter()
-        self._waiting: list[av.VideoFrame] = []
-        self._last: list[int] = []
-        """Latest time that was given out."""
-
-    def expect(self, pts: int | None) -> None:
-        """Record the time of a packet that was sent to the decoder, ticks."""
-        if pts is not None:
-            self._owed[pts] += 1
-
-    def drop(self, pts: int | None) -> None:
-        """Forget the time of a packet, whose picture came or will never come."""
-        if pts is not None:
-            self._owed -= Counter([pts])  # which forgets what is no longer owed
-
-    def push(self, picture: av.VideoFrame) -> list[av.VideoFrame]:
-        """Record a picture that the decoder has output, and return the pictures that need not wait any longer."""
-        if not self._reorders:
-            return [picture]
-        self.drop(picture.pts)
-        self._waiting.append(picture)
-        latest = max((waiting.pts for waiting in self._waiting if waiting.pts is not None), default=None)
-        if latest is not None and any(owed < latest for owed in self._owed):
-            if len(self._waiting) <= MAX_REORDERED:
-                return []
-            self._owed = Counter({owed: count for owed, count in self._owed.items() if owed > latest})
-        return self.flush()
-
-    def flush(self) -> list[av.VideoFrame]:
-        """Return all waiting pictures in decoder output order, with their times in increasing order."""
-        ready = self._waiting
-        self._waiting = []
-        times = [picture.pts for picture in ready if picture.pts is not None]
-        rising = sorted(times)
-        self.has_interchanged |= times != rising
-        apart = [after - before for before, after in pairwise([*self._last, *rising])]
-        if times != rising and all(interval >= self._interval / 2 for interval in apart):
-            following = iter(rising)
-            for picture in ready:
-                if picture.pts is not None:
-                    picture.pts = next(following)
-        self._last = rising[-1:] or self._last
-        return ready
-
-
-def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
-    """Yield two progressive pictures for each interlaced one, by FFmpeg's bwdif, in the field order of its flag.
-
-    The second is presented halfway to the next picture, and has no closed captions. If no order is flagged, the top
-    field is first, as in FFmpeg. The time base of the output is half of the pictures' own, or of `time_base`. Raises
-    `InputError` for pictures that are too small or in a pixel format that cannot be deinterlaced.
-    """
-    for _, alike in groupby(pictures, kind_of_picture):
-        first = next(alike)
-        try:
-            graph = graph_of(first, *DEINTERLACING, time_base=time_base)
-        except REFUSALS:
-            raise InputError(
-                f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "
-                "deinterlaced; leave `deinterlace` out."
-            ) from None
-        for count, picture in enumerate(chain([first], alike), 1):  # noqa: B007 (used after the loop)
-            graph.vpush(picture)
-            yield from pulled(graph)
-        graph.vpush(None)
-        rest = list(pulled(graph))
-        if count == 1 and len(rest) == 2 and rest[0].pts is not None:
-            rest[1].pts = rest[0].pts + rest[0].duration  # without a neighbour, bwdif gives both the same time
-        yield from rest
-
-
-class _Graphs:
-    """Cache of FFmpeg's filter graphs that make one picture of one, by format of the picture and filters."""
-
-    def __init__(self, time_base: Fraction) -> None:
-        self._time_base = time_base
-        self._graphs: dict[Any, av.filter.Graph] = {}
-
-    def passed(self, picture: av.VideoFrame, *filters: tuple[str, str]) -> av.VideoFrame:
-        """Return a picture passed through filters, which are given by their names and options."""
-        key = kind_of_picture(picture), filters
-        if key not in self._graphs:
-            self._graphs[key] = graph_of(picture, *filters, time_base=self._time_base)
-        self._graphs[key].vpush(picture)
-        return self._graphs[key].vpull()
-
-
-def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
-    """Yield what a crop leaves of pictures, by resampling chroma alone where it begins inside a sample of it."""
-    scaler = VideoReformatter()
-    graphs = _Graphs(time_base)
-    margins = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
-    for picture in pictures:
-        coded = picture.format
-        filters = [("crop", margins)]
-        if crop.left % (16 // coded.chroma_width(16)) or crop.top % (16 // coded.chroma_height(16)):
-            whole = full_chroma(coded.components[0].bits).replace("yuv", "yuva" if has_alpha(coded.name) else "yuv")
-            place = chroma_location_of(picture, scaler)
-            scaling = ("scale", f"flags={SCALER_FLAGS}:in_chroma_loc={place}:out_chroma_loc={place}")
-            filters = [scaling, ("format", whole), *filters, scaling, ("format", coded.name)]
-        try:
-            yield graphs.passed(picture, *filters)
-        except REFUSALS:
-            raise InputError(
-                f"{name} holds pictures of {picture.width}x{picture.height} {coded.name}, which cannot be cropped as "
-                "it asks for; remove its crop first."
-            ) from None
 
 
 class FormatUnifier:
@@ -371,7 +233,7 @@ class FormatUnifier:
         self.traits = traits
         self._stops = stops
         self._width, self._height, self._aspect = *size, aspect
-        self._graphs = _Graphs(Fraction(1, 1000))
+        self._graphs = FilterGraphs(Fraction(1, 1000))
         self._reshaped = self._recoded = self._retagged = 0
         self._change = self._new_colours = self._recoding = ""
         """First change of size, format or shape: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
@@ -386,7 +248,7 @@ class FormatUnifier:
             "the first, or cut it there and convert the parts one by one."
         )
 
-    def unified(self, picture: av.VideoFrame, number: int, aspect: Fraction = Fraction(1)) -> av.VideoFrame:
+    def unified(self, picture: VideoFrame, number: int, aspect: Fraction = Fraction(1)) -> VideoFrame:
         """Return a picture in the first one's format; unchanged, not copied, if it has that already.
 
         `number` counts frames from 0, for messages; `aspect` is the pixel aspect ratio. Raises `InputError` if the
@@ -398,7 +260,7 @@ class FormatUnifier:
         new = (picture.color_trc, picture.color_primaries)
         try:
             coding = picture.format.is_rgb, color_space_of(picture), is_full_range(picture)
-            recodes = coding != (av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range)
+            recodes = coding != (VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range)
             if now == before and old == new and not recodes:
                 return picture
             if now != before:
@@ -422,7 +284,7 @@ class FormatUnifier:
             raise InputError(self.stopped_by or "")
         return unified
 
-    def _described(self, picture: av.VideoFrame, aspect: Fraction) -> tuple[str, str]:
+    def _described(self, picture: VideoFrame, aspect: Fraction) -> tuple[str, str]:
         """Return size and pixel format of the first picture and of this one; with pixel shapes if these differ."""
         before = f"{self._width}x{self._height} {self.traits.pixel_format}"
         now = f"{picture.width}x{picture.height} {picture.format.name}"
@@ -431,7 +293,7 @@ class FormatUnifier:
         old, new = (f"{ratio.numerator}:{ratio.denominator}" for ratio in (self._aspect, aspect))
         return f"{before} with pixels of {old}", f"{now} with pixels of {new}"
 
-    def _like_first(self, picture: av.VideoFrame, aspect: Fraction, *, recodes: bool) -> av.VideoFrame:
+    def _like_first(self, picture: VideoFrame, aspect: Fraction, *, recodes: bool) -> VideoFrame:
         """Return a picture scaled and padded by FFmpeg, in the first one's format, and its coding if it `recodes`."""
         traits = self.traits
         width = self._width
@@ -442,7 +304,7 @@ class FormatUnifier:
         elif wider < 1 - MAX_SQUEEZE:
             width = min(width, 4 * max(1, round(width * wider / 4)))
         full = is_full_range(picture)
-        wanted = av.VideoFormat(traits.pixel_format)
+        wanted = VideoFormat(traits.pixel_format)
         options = f"{width}:{height}:flags={SCALER_FLAGS}:in_range={1 + full}:out_range={1 + traits.full_range}"
         options += "" if picture.format.is_rgb else f":in_color_matrix={color_space_of(picture)}"
         options += "" if wanted.is_rgb else f":out_color_matrix={traits.color_space}"

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
-import av
 import numpy as np
+from av import VideoFormat, VideoFrame
 from av.filter import Graph
 from av.video.reformatter import VideoReformatter
 
@@ -45,22 +45,22 @@ chroma_locations = {
 
 def has_alpha(pixel_format: str) -> bool:
     """Return whether a pixel format of FFmpeg has alpha."""
-    return any(component.is_alpha for component in av.VideoFormat(pixel_format).components)
+    return any(component.is_alpha for component in VideoFormat(pixel_format).components)
 
 
-def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
+def with_chroma_location(picture: VideoFrame, location: str) -> VideoFrame:
     """Tag a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
     graph = graph_of(picture, ("setparams", f"chroma_location={location}"))
     graph.vpush(picture)
     return graph.vpull()
 
 
-def kind_of_picture(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
+def kind_of_picture(picture: VideoFrame) -> tuple[int, int, str, int, int]:
     """Return what a filter is made for: size, pixel format and colour coding."""
     return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
 
 
-def graph_of(picture: av.VideoFrame, *filters: tuple[str, str], time_base: Fraction = Fraction(1, 1000)) -> Graph:
+def graph_of(picture: VideoFrame, *filters: tuple[str, str], time_base: Fraction = Fraction(1, 1000)) -> Graph:
     """Return a graph of FFmpeg's filters, by their names and options, for pictures like this one."""
     width, height, pixel_format, color_space, color_range = kind_of_picture(picture)
     clock = Fraction(picture.time_base or time_base)
@@ -77,13 +77,13 @@ def graph_of(picture: av.VideoFrame, *filters: tuple[str, str], time_base: Fract
 
 
 def reformatted(
-    picture: av.VideoFrame,
+    picture: VideoFrame,
     reformatter: VideoReformatter,
     pixel_format: str,
     full_range: bool,
     *,
     size: tuple[int, int] | None = None,
-) -> av.VideoFrame:
+) -> VideoFrame:
     """Convert a YCbCr picture to another pixel format, with the same matrix and range, and optionally another size.
 
     With `full_range`, black is 0 rather than 16 (in 8 bits), before and after; `size` is height and width.
@@ -102,7 +102,7 @@ def full_chroma(bits: int) -> str:
     return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
 
 
-def plane_arrays(picture: av.VideoFrame) -> list[np.ndarray]:
+def plane_arrays(picture: VideoFrame) -> list[np.ndarray]:
     """Return views of a planar picture's planes, and of gray and alpha, without the padding at the end of every row.
 
     A negative line size means that the rows lie in memory from the last to the first, as AMV has them.
@@ -116,7 +116,7 @@ def plane_arrays(picture: av.VideoFrame) -> list[np.ndarray]:
     return views
 
 
-def bits_of(picture: av.VideoFrame) -> int:
+def bits_of(picture: VideoFrame) -> int:
     """Return the bits per sample of luma, or of red."""
     return picture.format.components[0].bits
 
@@ -126,7 +126,7 @@ def sample_type(bits: int) -> np.dtype[Any]:
     return np.dtype(np.uint8 if bits <= 8 else np.uint16)
 
 
-def color_space_of(picture: av.VideoFrame) -> int:
+def color_space_of(picture: VideoFrame) -> int:
     """Return the AVColorSpace by tag or size; raise ValueError for no plain luma-chroma matrix (YCgCo, ICtCp)."""
     tag = int(picture.colorspace)
     if picture.format.is_rgb or tag in (0, 2, 3):
@@ -136,7 +136,7 @@ def color_space_of(picture: av.VideoFrame) -> int:
     return tag
 
 
-def add_colour_tags(picture: av.VideoFrame, tags: Mapping[str, int]) -> None:
+def add_colour_tags(picture: VideoFrame, tags: Mapping[str, int]) -> None:
     """Give a picture the colour tags of its container where its own are unspecified, as players do."""
     for name, tag in tags.items():
         is_matrix_of_rgb = name == "colorspace" and picture.format.is_rgb
@@ -149,17 +149,17 @@ def assumed_color_space(height: int) -> int:
     return BT709 if height >= 720 else SMPTE170M
 
 
-def is_gray(pixel_format: av.VideoFormat) -> bool:
+def is_gray(pixel_format: VideoFormat) -> bool:
     """Return whether a format has no chroma; the scaler, and so all of FFmpeg, always takes it for full range."""
     return pixel_format.name.startswith(("gray", "ya8", "ya16"))
 
 
-def is_full_range(picture: av.VideoFrame) -> bool:
+def is_full_range(picture: VideoFrame) -> bool:
     """Return whether code values are full range; untagged YCbCr is limited range."""
     return int(picture.color_range) == FULL_RANGE or picture.format.name.startswith("yuvj") or picture.format.is_rgb
 
 
-def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) -> str:
+def chroma_location_of(picture: VideoFrame, reformatter: VideoReformatter) -> str:
     """Return the chroma location that the scaler assumes for a picture.
 
     PyAV does not expose the tag, so a ramp is subsampled with the picture's properties, and the location follows from

@@ -14,6 +14,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import av.filter
+from av import VideoFrame, VideoStream
 
 from fpsboost.media.pixels import graph_of
 from fpsboost.media.pyav import REFUSALS, trial_file
@@ -95,7 +96,7 @@ class HeaderData(NamedTuple):
     dolby_vision: tuple[int, int] | None
 
 
-def side_data_of(picture: av.VideoFrame) -> list[tuple[str, bytes]]:
+def side_data_of(picture: VideoFrame) -> list[tuple[str, bytes]]:
     """Return the side data of a picture, by the name of its type in FFmpeg: ``DISPLAYMATRIX``.
 
     PyAV 18 gives none if it has no name for a type (EXIF of JPEG); FFmpeg's filter takes those away, which are empty.
@@ -120,7 +121,7 @@ def side_data_of(picture: av.VideoFrame) -> list[tuple[str, bytes]]:
     return [*((item.type.name, bytes(item)) for item in items), *unnamed]
 
 
-def filtered(picture: av.VideoFrame, operations: Iterable[str]) -> av.VideoFrame | None:
+def filtered(picture: VideoFrame, operations: Iterable[str]) -> VideoFrame | None:
     """Return a picture after operations of FFmpeg's filter of side data, without copying it; None if one stops it."""
     graph = graph_of(picture, *(("sidedata", operation) for operation in operations))
     graph.vpush(picture)
@@ -156,7 +157,7 @@ def stereo_mode_of(sides: Mapping[str, bytes]) -> str:
     return "" if "VIEW_ID" in sides or kind not in stereo_modes else stereo_modes[kind][flags & 1]
 
 
-def read_header(stream: av.VideoStream) -> HeaderData:
+def read_header(stream: VideoStream) -> HeaderData:
     """Return a stream's side data that PyAV does not give, from the header that a muxer writes for it."""
     header = next(filter(None, (_header_of(stream, container) for container in ("mp4", "mov", "matroska"))), b"")
     crop = _crop_of_box(header, stream) or _crop_of_elements(header)
@@ -167,7 +168,7 @@ def read_header(stream: av.VideoStream) -> HeaderData:
     return HeaderData(None if is_whole else crop, dolby_vision)
 
 
-def _header_of(stream: av.VideoStream, container: str) -> bytes:
+def _header_of(stream: VideoStream, container: str) -> bytes:
     options = {"movflags": "frag_keyframe+empty_moov", "strict": "unofficial"}
     with trial_file() as path, suppress(*REFUSALS):
         with av.open(str(path), "w", format=container, container_options=options) as output:
@@ -177,7 +178,7 @@ def _header_of(stream: av.VideoStream, container: str) -> bytes:
     return b""
 
 
-def _crop_of_box(header: bytes, stream: av.VideoStream) -> Crop | None:
+def _crop_of_box(header: bytes, stream: VideoStream) -> Crop | None:
     """Parse QuickTime's clean aperture: fractions of its width, its height, and how far its centre is off."""
     at = header.find(b"\0\0\0\x28clap")
     if at < 0:

@@ -5,19 +5,16 @@ system releases the lock when the run ends, however it ends. Its manifest identi
 continues only the same job. A part of an output, to be joined with the others afterwards, becomes a folder of its own.
 """
 
-import errno
 import hashlib
 import json
 import os
 import shutil
-import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from io import BufferedRandom
 from pathlib import Path
-from tempfile import TemporaryFile
 from types import TracebackType
 
 from fpsboost.media.errors import (
@@ -28,20 +25,14 @@ from fpsboost.media.errors import (
     OptionError,
     OutputError,
     explained,
-    refuse,
     undone_by,
 )
-
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
+from fpsboost.media.locks import LOCKED, lock_file
+from fpsboost.media.safe_files import rename_safely, sync, write_safely
 
 LOCK = "lock"
 MANIFEST = "manifest.json"
 COMPLETE = "whole"
-LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
-"""Codes of the errors for a file that another process has locked; others mean that the disk has no locks."""
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
@@ -399,97 +390,3 @@ def remove_if_empty(folder: Path) -> None:
 def part_files(folder: Path) -> list[Path]:
     """Return the files of a part in order of their names."""
     return sorted(path for path in folder.iterdir() if path.is_file())
-
-
-def check_writable(path: Path, name: str, inputs: Collection[Path] = (), overwrite: bool | None = None) -> None:
-    """Raise `OutputError` unless a file, named `name` in messages, can be written and is none of the inputs.
-
-    `overwrite` is None for what never replaces anything.
-    """
-    is_there = path.exists()
-    refuse(
-        {
-            f"{name} is a folder; name a file in it.": path.is_dir(),
-            f"{name} cannot be written because its folder does not exist; create it first.": not path.parent.is_dir(),
-            f"{name} is a device or a pipe; name a file, or - for standard output.": is_there and not path.is_file(),
-            f"{name} is the input itself; write to another name.": is_there
-            and any(source.exists() and path.samefile(source) for source in inputs),
-        },
-        OutputError,
-    )
-    if os.path.lexists(path) and not overwrite:
-        other = "remove it first" if overwrite is None else "pass `overwrite=True`"
-        raise ExistsError(f"{name} exists already; choose another name or {other}.")
-    _check_takes_files(path.parent, name)
-
-
-def check_folder(path: Path, *, may_be_new: bool = True) -> None:
-    """Raise `OutputError` unless files can be written to a folder, which is made if it may be new."""
-    needed = path.parent if may_be_new else path
-    for place in (path, needed):
-        if os.path.lexists(place) and not place.is_dir():
-            what = "a file" if place.exists() else "a link that leads nowhere"
-            raise OutputError(f"{place} is {what}; name a folder, or a pattern in one.")
-    if not needed.is_dir():
-        raise OutputError(f"The folder {needed} does not exist; create it first.")
-    _check_takes_files(path if path.is_dir() else needed, str(path))
-
-
-def _check_takes_files(folder: Path, name: str) -> None:
-    """Raise `OutputError` unless a file can be made in a folder; permissions alone do not prove it."""
-    with (
-        explained(OutputError, "write", name, "choose another folder, in which files can be made"),
-        TemporaryFile(dir=folder, prefix=".fpsboost-"),  # without a name where the system has such files
-    ):
-        pass
-
-
-def write_safely(path: Path, data: bytes, mode: int = 0o666) -> None:
-    """Write a file atomically, even in case of a power cut, replacing one of that name.
-
-    `mode` is the permissions of the file, from which the umask is subtracted.
-    """
-    part = path.with_name(path.name + ".part")
-    with open(part, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    rename_safely(part, path)
-
-
-def rename_safely(here: Path, there: Path) -> None:
-    """Rename a file whose content is synced to disk, and sync its name."""
-    os.replace(here, there)
-    sync(there.parent)
-
-
-def move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
-    """Move files from the first paths to the second, by `os.replace` or `move`; if one cannot be moved, none is."""
-    try:
-        for here, there in moves:
-            (move or os.replace)(here, there)
-    except BaseException:
-        for here, there in reversed(moves):
-            with suppress(OSError):
-                if there.exists() and not here.exists():
-                    os.replace(there, here)
-        raise
-
-
-def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are written to disk."""
-    if path.is_dir() and os.name == "nt":  # Windows writes names at once and opens no folders
-        return
-    number = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)
-
-
-def lock_file(file: BufferedRandom) -> None:
-    """Lock a file until it is closed; raise OSError, with one of the codes in `LOCKED` if another process holds it."""
-    if sys.platform == "win32":
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-    else:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

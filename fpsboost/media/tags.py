@@ -17,8 +17,8 @@ from av.container import InputContainer
 from av.stream import Disposition, Stream
 
 from fpsboost.media.containers import Container
-from fpsboost.media.demuxer import HEADER_BOX, boxes_of
 from fpsboost.media.errors import applicable
+from fpsboost.media.opening import HEADER_BOX, boxes_of
 from fpsboost.media.pyav import REFUSALS, open_input, trial_file
 
 FILE_SPECIFIC_TAGS = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}

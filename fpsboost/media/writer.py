@@ -17,7 +17,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Self
 
-import av
+from av import VideoFrame, VideoStream
 from av.error import FFmpegError
 
 from fpsboost.media.captions import captions_of
@@ -32,11 +32,11 @@ from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
 from fpsboost.media.pyav import Packet
+from fpsboost.media.safe_files import check_writable
 from fpsboost.media.staging import (
     PartFolder,
     StagedSink,
     StagingDirectory,
-    check_writable,
     complete_already,
     discard_published,
     hidden_place,
@@ -125,7 +125,7 @@ class Writer(StagedSink):
                 self._begin(self.encoder.stream, traits)  # opened here, so that errors occur before any work is done
         return self.encoder
 
-    def _begin(self, template: av.VideoStream, traits: VideoTraits) -> None:
+    def _begin(self, template: VideoStream, traits: VideoTraits) -> None:
         """Prepare for packets like those of the stream of an open encoder."""
 
     @property
@@ -135,7 +135,7 @@ class Writer(StagedSink):
 
     def write(
         self,
-        picture: av.VideoFrame | None,
+        picture: VideoFrame | None,
         time: Fraction,
         duration: Fraction,
         *,
@@ -190,7 +190,7 @@ class Writer(StagedSink):
             self._finish_chunk()
         return True
 
-    def _like_encoded(self, picture: av.VideoFrame, encoder: VideoEncoder) -> av.VideoFrame:
+    def _like_encoded(self, picture: VideoFrame, encoder: VideoEncoder) -> VideoFrame:
         """Return a picture in the size and pixel format that the encoder takes; itself if it has both."""
         size, pixel_format = (self._output.info.width, self._output.info.height), encoder.pixel_format
         if (picture.width, picture.height) == size and picture.format.name == pixel_format:
@@ -275,7 +275,7 @@ class FileWriter(Writer):
         self.start(traits)
         self._chunks = list(chunks)
 
-    def _begin(self, template: av.VideoStream, traits: VideoTraits) -> None:
+    def _begin(self, template: VideoStream, traits: VideoTraits) -> None:
         """Write the header of the output file."""
         self._assembly = Assembly(self._unfinished.staged, template, self._fitting, traits)
 

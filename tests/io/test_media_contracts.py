@@ -14,7 +14,8 @@ import pytest
 from fpsboost import DecodeOptions, Encoding, FpsboostError, Frame, FrameSink, FrameSource, OutputError
 from fpsboost.io import new_output
 from fpsboost.io.opening import open_source
-from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
+from fpsboost.io.video.pipe import PipeSource
+from fpsboost.io.video.standard_streams import INPUT_NAME
 from fpsboost.media import OutputTiming, staging
 from support.animation_truth import write_animation
 from support.conversion_options import open_output

@@ -40,7 +40,7 @@ from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import JobFingerprint, OutputTiming, StagingDirectory, Writer, chunks
 from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
-from fpsboost.media.staging import lock_file
+from fpsboost.media.locks import lock_file
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.synthesis.blend import Blend
@@ -202,7 +202,7 @@ def test_chunks_are_one_clip(tmp_path, clip, kind):
     target = tmp_path / f"out{suffix}"
     run(clip, target, encoding=encoding)
     assert len(pictures_of(target)) == 2 * FRAMES
-    with fpsboost.media.demuxer.open_video(target, "out") as file:
+    with fpsboost.media.opening.open_video(target, "out") as file:
         stream = file.streams.video[0]
         length = stream.duration
         packets = [(packet.dts, packet.pts) for packet in file.demux(stream) if packet.size]

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.cli.options import in_flags
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.clock import in_rising_order, measured_cadence, nominal_rate
-from fpsboost.media.pictures import ReorderBuffer
+from fpsboost.media.clock import in_rising_order
+from fpsboost.media.frame_rate import measured_cadence, nominal_rate
 from fpsboost.media.remarks import Damage
+from fpsboost.media.reorder_buffer import ReorderBuffer
 from fpsboost.probing import probe
 from support.conversion_options import keeping_duplicates
 from support.video_truth import bytes_of, copy_packets, packets_of, pictures_of, read, sound_to_picture, write_clip

@@ -4,17 +4,12 @@ FFmpeg reads it, through PyAV. The few lines of text are written here, because P
 of pixels. Frames go out at once, so a pipe is the one target that does not appear as a whole.
 """
 
-import os
 import re
-import select
-import stat
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from fractions import Fraction
-from threading import Event
 from types import TracebackType
-from typing import Any, BinaryIO, Self, TextIO, TypeVar
+from typing import Any, BinaryIO, Self
 
 import av
 import numpy as np
@@ -23,10 +18,11 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import FpsboostError, InputError, OutputError, ReaderGoneError, applicable, refuse
+from fpsboost.errors import InputError, OutputError, ReaderGoneError, applicable, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
+from fpsboost.io.video.standard_streams import INPUT_NAME, OUTPUT_NAME, CountingReader, descriptor_of
 from fpsboost.io.video.ycc import as_picture, coding_of, in_planes, to_bgr
 from fpsboost.media import (
     ASSUMED_RATE,
@@ -42,17 +38,6 @@ from fpsboost.media import (
     read_traits,
 )
 from fpsboost.memory import MemoryLimit
-
-T = TypeVar("T")
-
-INPUT_NAME = "standard input"
-OUTPUT_NAME = "standard output"
-
-POLL_INTERVAL = 0.1
-"""Interval, seconds, at which a thread that waits for the program at the other end checks for cancellation."""
-
-MAX_READ = 1 << 16
-"""Bytes that are read at once; a pipe holds no more."""
 
 DEPTHS = (9, 10, 12, 14, 16)
 
@@ -103,7 +88,7 @@ class PipeSource(ClosesOnExit):
         keeps_planes: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
-        self._waiting = None if stream else _descriptor(sys.stdin, InputError, INPUT_NAME)
+        self._waiting = None if stream else descriptor_of(sys.stdin, InputError, INPUT_NAME)
         self._file = CountingReader(stream or self._waiting)
         self._for_images = for_images
         self._end = 0
@@ -185,42 +170,6 @@ class PipeSource(ClosesOnExit):
             self.remarks.append(f"{INPUT_NAME} ended within frame {number + 1}, which was left out.")
 
 
-class CountingReader:
-    """File object for FFmpeg that counts the bytes read, because its demuxer does not report a truncated frame.
-
-    FFmpeg would swallow an exception raised while reading, including those of signals, and go on. Here it is kept, the
-    stream ends for FFmpeg, and `check` raises it.
-
-    Parameters
-    ----------
-    stream : file object
-        Anything with `read`, such as a binary file or a `Descriptor`; it is never closed here.
-    """
-
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
-        self.count = 0
-        self.start = b""
-        self._error: BaseException | None = None
-
-    def read(self, size: int) -> bytes:
-        """Return at most `size` bytes for FFmpeg; none at the end, and from the first exception on."""
-        try:
-            data: bytes = b"" if self._error else self._stream.read(size)
-        except BaseException as error:
-            self._error = error
-            data = b""
-        self.count += len(data)
-        if b"\n" not in self.start:
-            self.start += data
-        return data
-
-    def check(self) -> None:
-        """Raise the exception that ended reading, if there was one."""
-        if self._error is not None:
-            raise self._error
-
-
 class PipeSink:
     """Sink that writes a YUV4MPEG2 stream, frame by frame, to standard output or a file object.
 
@@ -258,7 +207,7 @@ class PipeSink:
         )
         self._output = output
         self._info = output.info
-        self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME)
+        self._waiting = None if stream else descriptor_of(sys.__stdout__, OutputError, OUTPUT_NAME)
         self._stream: Any = stream or self._waiting
         self._header = ""
         self._reformatter = VideoReformatter()
@@ -390,51 +339,3 @@ def _traits_of_images(image: Pixels) -> VideoTraits:
     gray = image.shape[2] < 3
     depth = "" if image.dtype == np.uint8 else "16le"
     return VideoTraits(f"{'gray' if gray else 'yuv444p'}{depth}", assumed_color_space(image.shape[0]), full_range=gray)
-
-
-class Descriptor:
-    """Unbuffered standard stream whose reads and writes another thread can cancel while they wait.
-
-    Parameters
-    ----------
-    number : int
-        File descriptor, which is never closed here.
-    """
-
-    def __init__(self, number: int) -> None:
-        self._number = number
-        self._given_up = Event()
-        # a pipe that select() reports as writable takes this much without blocking
-        self._portion = 1 << 20 if stat.S_ISREG(os.fstat(number).st_mode) else getattr(select, "PIPE_BUF", 1 << 16)
-
-    def cancel(self) -> None:
-        """End the call that waits for this stream in another thread, and all later ones, with an OSError."""
-        self._given_up.set()
-
-    def read(self, size: int) -> bytes:
-        """Return at most `size` bytes, as soon as there are any; none at the end of the stream."""
-        return self._when_ready(True, lambda: os.read(self._number, min(size, MAX_READ)))
-
-    def write(self, data: memoryview) -> int:
-        """Write the beginning of `data` as soon as the stream takes any; return the number of bytes written."""
-        return self._when_ready(False, lambda: os.write(self._number, data[: self._portion]))
-
-    def _when_ready(self, to_read: bool, transfer: Callable[[], T]) -> T:
-        """Wait until the descriptor is readable or writable, then return the result of the transfer."""
-        ends = ([self._number], []) if to_read else ([], [self._number])
-        while True:
-            if self._given_up.is_set():
-                raise OSError("given up")
-            if os.name == "nt" or any(select.select(*ends, [], POLL_INTERVAL)):  # Windows can ask sockets only
-                with suppress(BlockingIOError):
-                    return transfer()
-
-
-def _descriptor(stream: TextIO | None, kind: type[FpsboostError], name: str) -> Descriptor:
-    """Return the descriptor of a standard stream; raise an error of class `kind` if it is closed or a terminal."""
-    advice = "pipe a YUV4MPEG2 stream into it" if name == INPUT_NAME else "pipe it into a program"
-    if stream is None or stream.closed:
-        raise kind(f"{name} is closed; {advice}, or name a file.")
-    if stream.isatty():
-        raise kind(f"{name} is a terminal; {advice}, or name a file.")
-    return Descriptor(stream.fileno())

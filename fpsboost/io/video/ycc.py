@@ -7,9 +7,9 @@ inverse converts back.
 
 from typing import Any
 
-import av
 import cv2
 import numpy as np
+from av import VideoFormat, VideoFrame
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding, bgr_to_ycc
@@ -39,7 +39,7 @@ PLANAR_FORMATS = frozenset(
 """Pixel formats whose pictures can be processed as planar YCbCr."""
 
 
-def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, *, keeps_alpha: bool = False) -> Image:
+def to_bgr(picture: VideoFrame, reformatter: VideoReformatter | None = None, *, keeps_alpha: bool = False) -> Image:
     """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse.
 
     Samples (H, W, 3), or (H, W, 4) with full-range alpha, are uint8, or uint16 where the format has more than 8 bits.
@@ -99,7 +99,7 @@ def from_bgr(
     *,
     chroma_location: str = "left",
     reformatter: VideoReformatter | None = None,
-) -> av.VideoFrame:
+) -> VideoFrame:
     """Convert an image into a picture for an encoder; `to_bgr` is the inverse.
 
     The image is (H, W, 1, 3 or 4), gray, BGR or BGRA, uint8, uint16 or float32; alpha is dropped where the format has
@@ -107,7 +107,7 @@ def from_bgr(
     tables from one frame to the next.
     """
     scaler = reformatter or VideoReformatter()
-    target = av.VideoFormat(pixel_format)
+    target = VideoFormat(pixel_format)
     keeps_alpha = has_alpha(pixel_format)
     if image.dtype == np.float32:
         image = straight_16_bit(image if keeps_alpha else image[..., :3])
@@ -116,13 +116,13 @@ def from_bgr(
     alpha = image[..., 3] if image.shape[2] == 4 else np.full(image.shape[:2], white, image.dtype)
     if target.is_rgb:
         packed = np.dstack([colours, alpha]) if keeps_alpha else colours
-        frame = av.VideoFrame.from_ndarray(packed, format=packed_format(image.dtype, alpha=keeps_alpha))
+        frame = VideoFrame.from_ndarray(packed, format=packed_format(image.dtype, alpha=keeps_alpha))
         return scaler.reformat(frame, format=pixel_format, interpolation=SCALER_FLAGS)
     full_range = full_range or is_gray(target)
     if target.components[0].bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the dtype of its input
         colours = colours.astype(np.uint16) * 257
     height, width = image.shape[:2]
-    planar = av.VideoFrame(width, height, full_chroma(target.components[0].bits))
+    planar = VideoFrame(width, height, full_chroma(target.components[0].bits))
     matrix = bgr_to_ycc(color_space, full_range, bits_of(planar), np.iinfo(colours.dtype).max)
     # a pure colour in full range exceeds the largest code by one half
     codes = np.minimum(cv2.transform(colours, matrix), 2 ** bits_of(planar) - 1)
@@ -133,13 +133,13 @@ def from_bgr(
     if not keeps_alpha:
         return opaque
     levels = np.rint(alpha * np.float32((2 ** bits_of(opaque) - 1) / white))
-    picture = av.VideoFrame(width, height, pixel_format)
+    picture = VideoFrame(width, height, pixel_format)
     for plane, values in zip(plane_arrays(picture), [*plane_arrays(opaque), levels], strict=True):
         plane[:] = values
     return with_chroma_location(picture, chroma_location)
 
 
-def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:
+def in_planes(picture: VideoFrame, coding: Coding) -> YCbCrImage:
     """Return the planes of a decoded picture as an image; planes with contiguous rows are not copied."""
     y, cb, cr = (np.ascontiguousarray(plane) for plane in plane_arrays(picture))
     return YCbCrImage((y, cb, cr), coding)
@@ -153,11 +153,11 @@ def in_coding(image: Pixels, coding: Coding | None) -> Pixels:
     return in_planes(from_bgr(view(image).array(), *tags, chroma_location=coding.chroma_location), coding)
 
 
-def picture_of(image: YCbCrImage) -> av.VideoFrame:
+def picture_of(image: YCbCrImage) -> VideoFrame:
     """Convert an image into a picture for an encoder; `in_planes` is the inverse."""
     height, width, _ = image.shape
     coding = image.coding
-    picture = av.VideoFrame(width, height, coding.pixel_format)
+    picture = VideoFrame(width, height, coding.pixel_format)
     for plane, values in zip(plane_arrays(picture), image.planes, strict=True):
         plane[:] = values
     picture.colorspace = coding.color_space
@@ -170,7 +170,7 @@ def bgr_of(image: YCbCrImage) -> Image:
     return to_bgr(with_chroma_location(picture_of(image), image.coding.chroma_location))
 
 
-def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, keeps_original: bool) -> av.VideoFrame:
+def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, keeps_original: bool) -> VideoFrame:
     """Convert a frame to a picture of a coding, for an encoder.
 
     Parameters
@@ -198,10 +198,10 @@ def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, k
         if image.coding.pixel_format != pixel_format:
             original = with_chroma_location(original, image.coding.chroma_location)
     height, width = image.shape[:2]
-    if keeps_original and isinstance(original, av.VideoFrame) and (original.width, original.height) == (width, height):
+    if keeps_original and isinstance(original, VideoFrame) and (original.width, original.height) == (width, height):
         if original.format.name == pixel_format:
             return original
-        target = av.VideoFormat(pixel_format)
+        target = VideoFormat(pixel_format)
         has_rgb = original.format.is_rgb or target.is_rgb
         # gray is full range whatever its tag, so that its levels do not stay as they are in limited range
         keeps_levels = full_range or is_gray(original.format) == is_gray(target)
@@ -221,7 +221,7 @@ def coding_of(traits: VideoTraits) -> Coding | None:
     """Return the planar YCbCr coding of a video's pictures, or None if they must be converted to BGR."""
     if traits.pixel_format not in PLANAR_FORMATS:
         return None
-    bits = av.VideoFormat(traits.pixel_format).components[0].bits
+    bits = VideoFormat(traits.pixel_format).components[0].bits
     return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format, bgr_of)
 
 
