@@ -93,6 +93,11 @@ CONFLICTS = (
     Conflict("crf, lossless", "bitrate", "both set the quality"),
     Conflict("crf", "lossless", "both set the quality"),
     Conflict("audio=False", "audio_codec, slow_motion_sound='stretch'", "one leaves the sound out"),
+    Conflict(
+        "decoder='opencv'",
+        "stream, input_fps, deinterlace, size_change, force_colours",
+        "OpenCV reads a video as it is",
+    ),
     Conflict("range", "start, end", "both select frames"),
     Conflict("quiet", "progress='json'", "the first prints nothing"),
 )

@@ -13,7 +13,7 @@ from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
 from fpsboost.analysis.gaps import find_gaps
 from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
-from fpsboost.errors import InputError, OptionError, refuse
+from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
@@ -293,21 +293,15 @@ def without_gaps(
     """
     info = source.info
     times = (source.frame_times() if isinstance(source, RandomAccess) else None) or ()
-    refuse(
-        {
+    if not times or any(abs((after - time) * info.rate - 1) > Fraction(1, 2) for time, after in pairwise(times)):
+        raise OptionError(
             f"`gaps` needs a constant rate and a file that says when each frame is shown, unlike {info.name}; convert "
-            "it with `factor=1` first.": (
-                not times
-                or any(abs((after - time) * info.rate - 1) > Fraction(1, 2) for time, after in pairwise(times))
-            )
-        }
-    )
-    refuse(
-        {
-            f"`gaps` has {late}, and the last frame of {info.name} is {len(times) - 1}; name earlier ones.": True
-            for late in gaps.behind(len(times) - 2, times[-1] - times[0])
-        }
-    )
+            "it with `factor=1` first."
+        )
+    for late in gaps.behind(len(times) - 2, times[-1] - times[0]):
+        raise OptionError(
+            f"`gaps` has {late}, and the last frame of {info.name} is {len(times) - 1}; name earlier ones."
+        )
     found = find_gaps(FrameCache(frame.image) for frame in source) if gaps.detect else {}
     missing = [
         gaps.times_listed(number, *(each - times[0] for each in shown)) or found.get(number, 0)

@@ -18,7 +18,6 @@ from fpsboost.media.errors import (
     applicable,
     choose_one,
     explained,
-    refuse,
     undone_by,
 )
 
@@ -43,7 +42,6 @@ __all__ = [
     "explained",
     "format_duration",
     "notes_of",
-    "refuse",
     "rounded",
     "undone_by",
 ]

@@ -17,7 +17,6 @@ from .errors import explain as explain
 from .errors import explained as explained
 from .errors import format_duration as format_duration
 from .errors import notes_of as notes_of
-from .errors import refuse as refuse
 from .errors import rounded as rounded
 from .errors import undone_by as undone_by
 from .evaluation.report.self_contained import PlayerData as PlayerData

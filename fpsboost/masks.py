@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
-from fpsboost.errors import InputError, explained, refuse
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, rounding_offset, view
@@ -142,7 +142,8 @@ class Mask:
         """Return what the mask shows, in BGR if it was in planes, with the mask as alpha."""
         colours = view(view(frame.image).to_bgr())
         weights = self.weight(frame)[..., np.newaxis]
-        refuse({"`mask_as='layer'` needs frames without alpha; leave it out.": has_alpha(colours)})
+        if has_alpha(colours):
+            raise OptionError("`mask_as='layer'` needs frames without alpha; leave it out.")
         alpha = np.asarray(weights * colours.white + rounding_offset(colours.picture)).astype(colours.dtype)
         # alpha of float is premultiplied
         layer = np.dstack([colours.array() * (weights if alpha.dtype == np.float32 else 1), alpha])

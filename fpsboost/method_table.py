@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutPolicy
-from fpsboost.errors import OptionError, choose_one, refuse
+from fpsboost.errors import OptionError, choose_one
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, check_pair, view
 from fpsboost.interpolator import Interpolator
@@ -127,14 +127,10 @@ def split_method(text: str) -> tuple[str, dict[str, str]]:
     for part in rest.split(",") if colon else ():
         option, equals, value = (word.strip() for word in part.partition("="))
         option = option.replace("_", "-")
-        refuse(
-            {
-                f"{text!r} has an option without a value; write {name}:OPTION=VALUE.": not (
-                    option and equals and value
-                ),
-                f"{text!r} gives {option} twice; give it once.": option in options,
-            }
-        )
+        if not (option and equals and value):
+            raise OptionError(f"{text!r} has an option without a value; write {name}:OPTION=VALUE.")
+        if option in options:
+            raise OptionError(f"{text!r} gives {option} twice; give it once.")
         options[option] = value
     return name.strip(), options
 

@@ -114,7 +114,7 @@ def test_the_decoder_can_be_opencv(fpsboost_, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("in.mp4", "--stream", "0"), "--stream and --decoder do not go together"),
+        (("in.mp4", "--stream", "0"), "--decoder opencv and --stream cannot be combined"),
         (("missing.mp4",), "cannot be opened by OpenCV"),
         (("folder",), "--decoder is for video files"),
     ],

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
 from fpsboost.cli.options import MessageOptions
-from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained, refuse
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation import is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.source import is_pattern, pictures_in
@@ -31,14 +31,10 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for impossible names
     is_file = os.path.exists(folder) and not is_folder
     looks_like_file = not is_folder and extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
-    refuse(
-        {
-            "A pipe is one clip; convert several inputs with names, into a folder.": {folder, *inputs} & {*PIPES},
-            f"{folder} is not a folder, and {len(inputs)} inputs need one; name a folder last.": (
-                is_file or looks_like_file or is_pattern(folder)
-            ),
-        }
-    )
+    if {folder, *inputs} & {*PIPES}:
+        raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
+    if is_file or looks_like_file or is_pattern(folder):
+        raise OptionError(f"{folder} is not a folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs = [name_in_folder(path, Path(folder)) for path in inputs]
     by_output: dict[str, str] = {}
     for path, output in zip(inputs, outputs, strict=True):

@@ -37,7 +37,7 @@ from fpsboost.cli.options import (
     with_flags,
 )
 from fpsboost.conflicts import check_together
-from fpsboost.errors import OptionError, choose_one, refuse
+from fpsboost.errors import OptionError, choose_one
 from fpsboost.io.new_output import check_new_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
@@ -98,16 +98,10 @@ def compare(
     ours, skipped = chosen[input]
     if results.fail_under is not None:
         asked = split_methods(method_options.methods)[0]
-        refuse(
-            {
-                f"--fail-under must be a number of decibels, not {results.fail_under}.": (
-                    not math.isfinite(results.fail_under)
-                ),
-                f"--fail-under checks {asked}, which cannot be run here; name another method first.": (
-                    ours and asked in skipped
-                ),
-            }
-        )
+        if not math.isfinite(results.fail_under):
+            raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
+        if ours and asked in skipped:
+            raise OptionError(f"--fail-under checks {asked}, which cannot be run here; name another method first.")
     metrics = evaluation.choose_metrics(results.metrics)
     check_results(results)
     for clip in more:  # the first one is opened below anyway
@@ -383,14 +377,10 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
     ):
         for text in texts:
             name, _, rest = (word.strip() for word in text.partition("="))
-            refuse(
-                {
-                    f"{option} {text!r} lacks a name or a value; write {option} NAME={value}.": not (name and rest),
-                    f"{option} {name!r} is the name of another method; choose a different name.": (
-                        name in taken | others.folders.keys() | others.commands.keys() or ":" in name
-                    ),
-                }
-            )
+            if not (name and rest):
+                raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} NAME={value}.")
+            if name in taken | others.folders.keys() | others.commands.keys() or ":" in name:
+                raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
             found[name] = rest
     for name, command in others.commands.items():
         evaluation.split_command(name, command)

@@ -30,7 +30,6 @@ from fpsboost.extension import (
     job_facts,
     one_opencv_thread,
     program_facts,
-    refuse,
 )
 
 REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
@@ -81,14 +80,12 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
 
     Where storage is not shared, it is written into a private folder.
     """
-    refuse(  # before the task is unpickled, which needs the same versions
-        {
-            f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "
-            "versions everywhere.": order.facts.get(name) != here
-            for name, here in program_facts().items()
-        },
-        ClusterError,
-    )
+    for name, here in program_facts().items():  # before the task is unpickled, which needs the same versions
+        if order.facts.get(name) != here:
+            raise ClusterError(
+                f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "
+                "versions everywhere."
+            )
     job, run = pickle.loads(order.task)
     _check_job_once(order, job, worker.address)
     is_private = not os.path.exists(order.mark)
@@ -153,18 +150,19 @@ def _check_job_once(order: WorkerOrder, job: ConversionJob, place: str) -> None:
     except InputError as error:
         raise ClusterError(f"The worker at {place} cannot read the input: {error}") from error
     difference = first_difference(order.facts, here)
-    refuse(
-        {
-            f"The worker at {place} has a different file under the name of the input; copy the input there.": (
-                difference == "input"
-            ),
+    if difference == "input":
+        raise ClusterError(
+            f"The worker at {place} has a different file under the name of the input; copy the input there."
+        )
+    if difference in ("self test", "first frame"):
+        raise ClusterError(
             f"The worker at {place} computes different pixels than the client; leave it out, or give all machines "
-            "processors and libraries of one kind.": difference in ("self test", "first frame"),
-            f"The worker at {place} differs from the client in the {difference}; install the same version "
-            "everywhere.": difference,
-        },
-        ClusterError,
-    )
+            "processors and libraries of one kind."
+        )
+    if difference:
+        raise ClusterError(
+            f"The worker at {place} differs from the client in the {difference}; install the same version everywhere."
+        )
     _checked.add(order.topic)
 
 

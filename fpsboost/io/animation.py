@@ -28,7 +28,7 @@ from av.filter import Graph
 
 from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OutputError, refuse
+from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, view
 from fpsboost.io.images.encoder import colours_of
@@ -525,19 +525,19 @@ class AnimationSink(StagedSink):
         height = self._info.height
         fastest = 1 / self._type.shortest
         others = {".gif": ", or write .webp or .apng", ".webp": ", or write .apng"}.get(suffix, "")
-        refuse(
-            {
-                f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng.": (
-                    max(width, height) > largest
-                ),
-                f"{self._name} needs the encoder {self._type.codec}, which this FFmpeg lacks; install PyAV's wheel.": (
-                    missing_codecs([self._type.codec], "w")
-                ),
+        if max(width, height) > largest:
+            raise OutputError(
+                f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng."
+            )
+        if missing_codecs([self._type.codec], "w"):
+            raise OutputError(
+                f"{self._name} needs the encoder {self._type.codec}, which this FFmpeg lacks; install PyAV's wheel."
+            )
+        if rate > fastest:
+            raise OutputError(
                 f"{self._name} cannot show {float(rate):.6g} frames per second, {suffix} ends at {fastest}; use "
-                f"`fps={fastest}` or less{others}.": rate > fastest,
-            },
-            OutputError,
-        )
+                f"`fps={fastest}` or less{others}."
+            )
 
     @property
     def remarks(self) -> list[str]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
-from fpsboost.errors import InputError, OptionError, OutputError, applicable, explained, refuse
+from fpsboost.errors import InputError, OptionError, OutputError, applicable, explained
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
 from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation, types
@@ -128,25 +128,19 @@ def open_source(
         if decoding.decoder == "opencv":
             if Path(path).is_file() and not decoding.allow_playlists:
                 check_is_no_playlist(Path(path), path)
-            if {*decoding.given} - {"`allow_playlists`"} != {"`decoder`"}:
-                raise OptionError(f"{' and '.join(decoding.given)} do not go together; OpenCV reads a video as it is.")
             return CaptureSource(path, limit=limit)
         return _open_file(path, requirements, decoding, limit)
 
 
 def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:
     """Raise OptionError if `passes` or `view` is given where the output cannot hold layers, or holds their light."""
-    refuse(
-        {
+    if not requirements.layers and decoding.passes not in (None, BEAUTY):
+        raise OptionError(
             f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; name a folder or a "
-            "pattern such as shot_####.exr, or leave it out.": (
-                not requirements.layers and decoding.passes not in (None, BEAUTY)
-            ),
-            f"`view` is for videos and animations, and the images made of {path} keep their light.": (
-                decoding.view != "none" and requirements.layers
-            ),
-        }
-    )
+            "pattern such as shot_####.exr, or leave it out."
+        )
+    if decoding.view != "none" and requirements.layers:
+        raise OptionError(f"`view` is for videos and animations, and the images made of {path} keep their light.")
 
 
 def stands_for_images(path: str) -> bool:
@@ -168,16 +162,12 @@ def _open_file(
     path: str, requirements: TargetRequirements, decoding: DecodeOptions, limit: MemoryLimit | None
 ) -> AnimationSource | VideoSource:
     """Open a file by its content, as an animation or a video; raise `InputError` for single images and named pipes."""
-    refuse(
-        {
-            f"{path} is an address, and only files are read; download it first.": "://" in path,
-            f"{path} does not exist; check the name.": not Path(path).exists(),
-            f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.": (
-                Path(path).is_fifo()
-            ),
-        },
-        InputError,
-    )
+    if "://" in path:
+        raise InputError(f"{path} is an address, and only files are read; download it first.")
+    if not Path(path).exists():
+        raise InputError(f"{path} does not exist; check the name.")
+    if Path(path).is_fifo():
+        raise InputError(f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.")
     animated = is_animation(Path(path))
     if extension_of(path) == ".jxl":
         with open_video(Path(path), path) as file:
@@ -240,15 +230,13 @@ class Target:
             return cls(path, "video")
         if suffix in ANIMATION_SUFFIXES:
             return cls(path, "animation")
-        refuse(
-            {
-                f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.": (
-                    suffix in IMAGE_SUFFIXES
-                ),
+        if suffix in IMAGE_SUFFIXES:
+            raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
+        if suffix:
+            raise OptionError(
                 f"{path} has an ending that cannot be written; choose "
-                f"{', '.join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)}, or a folder for images.": suffix,
-            }
-        )
+                f"{', '.join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)}, or a folder for images."
+            )
         return cls(path, "images")
 
     @property

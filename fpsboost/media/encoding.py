@@ -9,7 +9,7 @@ import cv2
 from av.codec.context import OptionFlags
 
 from fpsboost.media.containers import Container
-from fpsboost.media.errors import OptionError, choose_one, refuse
+from fpsboost.media.errors import OptionError, choose_one
 from fpsboost.media.info import ClipInfo, EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import has_alpha
@@ -234,12 +234,10 @@ def _options_of_known(known: Encoder, asked: str, encoding: EncodeSettings) -> d
     crf = known.crf if encoding.crf is None else encoding.crf
     preset = encoding.preset or known.preset
     unknown = f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}"
-    refuse(
-        {
-            f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.": not 0 <= crf <= known.largest_crf,
-            unknown: preset not in known.presets,
-        }
-    )
+    if not 0 <= crf <= known.largest_crf:
+        raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
+    if preset not in known.presets:
+        raise OptionError(unknown)
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
         _check_lossless(asked, bool(known.lossless))

@@ -64,18 +64,6 @@ def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: st
         raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error
 
 
-def refuse(reasons: Mapping[str, object], error: type[Exception] = OptionError) -> None:
-    """Raise an error with the first of these sentences whose condition is met, if there is one.
-
-    Examples
-    --------
-    >>> refuse({"`threads` must be at least 1.": False, "`threads` needs `limit`; give both.": None})
-    """
-    for reason, applies in reasons.items():
-        if applies:
-            raise error(reason)
-
-
 def applicable(conditions: Mapping[str, object]) -> list[str]:
     """Return the sentences or words whose condition is met.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from av.container import InputContainer
 
-from fpsboost.media.errors import InputError, refuse
+from fpsboost.media.errors import InputError
 from fpsboost.media.pyav import REFUSALS, open_input
 
 HEADER_BOX = b"moov"
@@ -33,13 +33,10 @@ unreadable_playlists = {
 
 def open_video(path: Path, name: str, *, playlists: bool = False) -> InputContainer:
     """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
-    refuse(
-        {
-            f"{name} is a folder; name a video file, or a pattern of images inside it.": path.is_dir(),
-            f"{name} does not exist; check the path.": not path.exists(),
-        },
-        InputError,
-    )
+    if path.is_dir():
+        raise InputError(f"{name} is a folder; name a video file, or a pattern of images inside it.")
+    if not path.exists():
+        raise InputError(f"{name} does not exist; check the path.")
     try:
         # An absolute path, because FFmpeg takes what stands before a colon in a relative one for a protocol.
         container = open_input(str(path.absolute()), playlists=playlists)

@@ -10,7 +10,6 @@ from fpsboost.media.errors import (
     ExistsError,
     OutputError,
     explained,
-    refuse,
 )
 
 
@@ -20,16 +19,14 @@ def check_writable(path: Path, name: str, inputs: Collection[Path] = (), overwri
     `overwrite` is None for what never replaces anything.
     """
     is_there = path.exists()
-    refuse(
-        {
-            f"{name} is a folder; name a file in it.": path.is_dir(),
-            f"{name} cannot be written because its folder does not exist; create it first.": not path.parent.is_dir(),
-            f"{name} is a device or a pipe; name a file, or - for standard output.": is_there and not path.is_file(),
-            f"{name} is the input itself; write to another name.": is_there
-            and any(source.exists() and path.samefile(source) for source in inputs),
-        },
-        OutputError,
-    )
+    if path.is_dir():
+        raise OutputError(f"{name} is a folder; name a file in it.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
+    if is_there and not path.is_file():
+        raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
+    if is_there and any(source.exists() and path.samefile(source) for source in inputs):
+        raise OutputError(f"{name} is the input itself; write to another name.")
     if os.path.lexists(path) and not overwrite:
         other = "remove it first" if overwrite is None else "pass `overwrite=True`"
         raise ExistsError(f"{name} exists already; choose another name or {other}.")

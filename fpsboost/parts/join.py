@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from fpsboost.contracts import Observer, SilentObserver, Summary
-from fpsboost.errors import InputError, OptionError, explained, refuse
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import Target
 from fpsboost.io.video.sink import VideoSink, traits_of_image
@@ -131,16 +131,14 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
         difference = first_difference(manifest0.facts, manifest.facts)
         count0 = manifest0.part.count
         count = manifest.part.count
-        refuse(
-            {
-                f"{other} and {folder} are both part {manifest.part}; name one of them.": other != folder,
-                f"{folder0} is one of {count0} parts and {folder} one of {count}; join parts of one conversion.": (
-                    count != count0
-                ),
-                f"{folder0} and {folder} differ in their {difference}; make one of them again.": difference,
-            },
-            InputError,
-        )
+        if other != folder:
+            raise InputError(f"{other} and {folder} are both part {manifest.part}; name one of them.")
+        if count != count0:
+            raise InputError(
+                f"{folder0} is one of {count0} parts and {folder} one of {count}; join parts of one conversion."
+            )
+        if difference:
+            raise InputError(f"{folder0} and {folder} differ in their {difference}; make one of them again.")
     missing = [str(number) for number in range(1, manifest0.part.count + 1) if number not in by_number]
     if missing:
         some = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
@@ -151,14 +149,12 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
     for folder, manifest in ordered:
         _check_files(folder, manifest)
     filled = [each for each in ordered if each[1].summary.frames_out]
-    refuse(
-        {
-            f"{next_folder} does not go on where {folder} ends, because {following.input} has damaged places before "
-            "it; convert it in one run.": not _fits(manifest, following)
-            for (folder, manifest), (next_folder, following) in pairwise(filled)
-        },
-        InputError,
-    )
+    for (folder, manifest), (next_folder, following) in pairwise(filled):
+        if not _fits(manifest, following):
+            raise InputError(
+                f"{next_folder} does not go on where {folder} ends, because {following.input} has damaged places "
+                "before it; convert it in one run."
+            )
     return ordered
 
 

@@ -26,7 +26,7 @@ import cv2
 import numpy as np
 
 from fpsboost.colour import normalised
-from fpsboost.errors import InputError, OptionError, explained, refuse
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.image import Image, Pixels
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.io.images.sequence import (
@@ -277,30 +277,18 @@ def _find_files(path: Path, what: str, *suffixes: str) -> NumberedImages:
             return find_numbered(Numbering.parse(str(path)))
         kinds = {name: Path(name).suffix.lower() for name in list_files(path) if not name.startswith(".")}
     names = [name for name, kind in kinds.items() if kind in suffixes]
-    refuse(
-        {
-            f"{path} contains no {what} ({' or '.join(suffixes)}); name a folder that does.": not names,
-            f"{path} contains both .exr and .flo files; keep one kind of motion vectors in it.": (
-                len({kinds[name] for name in names}) > 1
-            ),
-        },
-        InputError,
-    )
+    if not names:
+        raise InputError(f"{path} contains no {what} ({' or '.join(suffixes)}); name a folder that does.")
+    if len({kinds[name] for name in names}) > 1:
+        raise InputError(f"{path} contains both .exr and .flo files; keep one kind of motion vectors in it.")
     if kinds[names[0]] == ".flo":
         for name in names:
             ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
             partner = name.removesuffix(ending) + other
-            refuse(
-                {
-                    f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename or remove it.": (
-                        not name.endswith((BACKWARD, FORWARD))
-                    ),
-                    f"{path / name} has no partner {partner}; write both directions for every frame.": (
-                        partner not in names
-                    ),
-                },
-                InputError,
-            )
+            if not name.endswith((BACKWARD, FORWARD)):
+                raise InputError(f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename or remove it.")
+            if partner not in names:
+                raise InputError(f"{path / name} has no partner {partner}; write both directions for every frame.")
         names = [name for name in names if name.endswith(BACKWARD)]
     return order_names(path, names)
 

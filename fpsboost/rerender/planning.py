@@ -29,7 +29,6 @@ from fpsboost.extension import (
     encode_image,
     new_folder,
     read_image,
-    refuse,
     run_in_parallel,
     stands_for_images,
     write_safely,
@@ -163,17 +162,12 @@ class RerenderPlan:
             content_of(path, "plan again, or put it back")
             mask = read_image(path)
             height, width = mask.shape[:2]
-            refuse(
-                {
-                    f"{path} has {width}x{height} pixels and its plan {self.width}x{self.height}; plan again.": (
-                        (height, width) != (self.height, self.width)
-                    ),
-                    f"{path} marks other pixels than the rectangles of {PLAN_FILE}; plan again.": (
-                        ((mask[..., 0] > 0) != frame.mask(height, width)).any()
-                    ),
-                },
-                InputError,
-            )
+            if (height, width) != (self.height, self.width):
+                raise InputError(
+                    f"{path} has {width}x{height} pixels and its plan {self.width}x{self.height}; plan again."
+                )
+            if ((mask[..., 0] > 0) != frame.mask(height, width)).any():
+                raise InputError(f"{path} marks other pixels than the rectangles of {PLAN_FILE}; plan again.")
 
 
 def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:

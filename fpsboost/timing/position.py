@@ -15,7 +15,7 @@ from fractions import Fraction
 from itertools import groupby
 from typing import TYPE_CHECKING, Self
 
-from fpsboost.errors import InputError, OptionError, explained, refuse
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.options import Checked, PathName, checked, option
 from fpsboost.timing.schedule import parse_number
 
@@ -234,13 +234,8 @@ class FrameList(Checked):
             places = [parse_position(word, option, "f" if word.isdecimal() else "s") for word in words]
         except OptionError:
             raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.") from None
-        refuse(
-            {
-                f"{option} has a range from {places[0]} to {places[-1]}, which ends before it begins.": (
-                    places[0].is_frame == places[-1].is_frame and places[-1].value < places[0].value
-                )
-            }
-        )
+        if places[0].is_frame == places[-1].is_frame and places[-1].value < places[0].value:
+            raise OptionError(f"{option} has a range from {places[0]} to {places[-1]}, which ends before it begins.")
         return ((places[0], places[-1]),)
 
     def as_option(self) -> str:
@@ -300,16 +295,10 @@ class Replacement(FrameList):
         super().__post_init__()
         for first, last in self.ranges:
             count = last.value - first.value + 1
-            refuse(
-                {
-                    "`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.": (
-                        not first.value
-                    ),
-                    f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.": (
-                        first.is_frame and last.is_frame and count > MAX_RUN
-                    ),
-                }
-            )
+            if not first.value:
+                raise OptionError("`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.")
+            if first.is_frame and last.is_frame and count > MAX_RUN:
+                raise OptionError(f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.")
 
     def check(self, info: ClipInfo) -> None:
         """Raise `OptionError` for the clip's last frame and later ones, if its header has the number of frames."""

@@ -4,7 +4,7 @@ import re
 from fractions import Fraction
 from pathlib import Path
 
-from fpsboost.errors import OptionError, explained, refuse
+from fpsboost.errors import OptionError, explained
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.schedule import parse_number
 from fpsboost.timing.time_map import TimeMap
@@ -70,27 +70,17 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
         if not words:
             continue
         lacks_unit = any(re.fullmatch(r"[\d.]+", word) and word.strip("0.") for word in words)
-        refuse(
-            {
-                f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.": len(words) != 2,
-                f"{where}: {line.strip()!r} has no unit; write seconds as 2s, and frames as 48f.": (
-                    lacks_unit and not is_numbered
-                ),
-            }
-        )
+        if len(words) != 2:
+            raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")
+        if lacks_unit and not is_numbered:
+            raise OptionError(f"{where}: {line.strip()!r} has no unit; write seconds as 2s, and frames as 48f.")
         at, source = (parse_position(word, where, "f" if is_numbered else "s", between=True) for word in words)
         first = first_number / source_rate if is_numbered else 0
         points.append((at.seconds(output_rate), source.seconds(source_rate) - first))
-        refuse(
-            {
-                f"{where}: {words[0]} is not after the point before it; output times must increase.": (
-                    len(points) > 1 and points[-1][0] <= points[-2][0]
-                ),
-                f"{where}: {words[1]} is before Nuke's first frame, {first_number}; write seconds as 2s.": (
-                    points[-1][1] < 0
-                ),
-            }
-        )
+        if len(points) > 1 and points[-1][0] <= points[-2][0]:
+            raise OptionError(f"{where}: {words[0]} is not after the point before it; output times must increase.")
+        if points[-1][1] < 0:
+            raise OptionError(f"{where}: {words[1]} is before Nuke's first frame, {first_number}; write seconds as 2s.")
     if len(points) < 2 - (onward is not None):
         raise OptionError("`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.")
     if is_numbered:
@@ -119,16 +109,10 @@ def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
         begin, end = (parse_position(each, "`speed`").seconds(source_rate) if each else None for each in ends)
         time, source = points[-1]
         ends_early = end is not None and end <= (begin or 0)
-        refuse(
-            {
-                f"`speed` {word!r} must be from 0.001 to 1000; freeze and reverse with `retime`.": (
-                    not Fraction(1, 1000) <= speed <= 1000
-                ),
-                f"`speed` {word!r} must be a part after those before it; write it like 0.25@1:00-1:05.": (
-                    onward != 1 or place.count("-") > 1 or (begin or 0) < source or ends_early
-                ),
-            }
-        )
+        if not Fraction(1, 1000) <= speed <= 1000:
+            raise OptionError(f"`speed` {word!r} must be from 0.001 to 1000; freeze and reverse with `retime`.")
+        if onward != 1 or place.count("-") > 1 or (begin or 0) < source or ends_early:
+            raise OptionError(f"`speed` {word!r} must be a part after those before it; write it like 0.25@1:00-1:05.")
         if begin is not None and begin > source:
             time = time + begin - source
             source = begin

@@ -33,7 +33,6 @@ from fpsboost.extension import (
     open_source,
     opened_clip,
     parse_position,
-    refuse,
     stands_for_images,
     trim_source,
 )
@@ -147,8 +146,10 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         findings = Findings()
         # the pair and one on either side, whose motion curves its paths
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
-        refuse({f"{info.name} has only one frame; choose a longer clip.": not pairs and start <= 0}, InputError)
-        refuse({f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.": not pairs})
+        if not pairs and start <= 0:
+            raise InputError(f"{info.name} has only one frame; choose a longer clip.")
+        if not pairs:
+            raise OptionError(f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.")
         moments = [findings.in_clip(times[0]) for times in findings.pictures[: len(pairs) + 1]]
         nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
         pair = list(with_neighbours(pairs))[nearest]

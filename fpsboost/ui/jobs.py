@@ -21,7 +21,6 @@ from fpsboost.extension import (
     explained,
     is_unfinished,
     lock_file,
-    refuse,
     undone_by,
     write_safely,
 )
@@ -150,14 +149,10 @@ class Queue:
             count = len(self._jobs)
             outputs = [*self.outputs(), *(words[2].rstrip("/") for words in commands)]
             twice = next((output for output in outputs if outputs.count(output) > 1), None)
-            refuse(
-                {
-                    f"The queue is full, with {count} of {MAX_JOBS} jobs; remove some first.": (
-                        count + len(commands) > MAX_JOBS
-                    ),
-                    f"Another job in the queue writes {twice}; choose another name.": twice is not None,
-                }
-            )
+            if count + len(commands) > MAX_JOBS:
+                raise OptionError(f"The queue is full, with {count} of {MAX_JOBS} jobs; remove some first.")
+            if twice is not None:
+                raise OptionError(f"Another job in the queue writes {twice}; choose another name.")
             first = max((job.number for job in self._all), default=0) + 1
             jobs = {number: Job(number, words, words[2]) for number, words in enumerate(commands, first)}
             self._jobs |= jobs

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fpsboost.colour import displayed_colours
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OptionError, applicable, explained, refuse
+from fpsboost.errors import InputError, OptionError, applicable, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
@@ -118,16 +118,14 @@ class ImageSource(ClosesOnExit):
         is_exr = extension_of(first.name) == ".exr"
         passes = self._reading.passes
         self._is_linear = extension_of(first.name) in SCENE_LINEAR
-        refuse(
-            {
-                f"`passes` names layers of OpenEXR files, and {first} is another type of file; leave it out.": (
-                    not is_exr and passes not in (ALL, BEAUTY)
-                ),
-                f"`view` is for OpenEXR and HDR, whose numbers are light, and {path} is another type; leave it out.": (
-                    self._reading.view != "none" and not self._is_linear
-                ),
-            }
-        )
+        if not is_exr and passes not in (ALL, BEAUTY):
+            raise OptionError(
+                f"`passes` names layers of OpenEXR files, and {first} is another type of file; leave it out."
+            )
+        if self._reading.view != "none" and not self._is_linear:
+            raise OptionError(
+                f"`view` is for OpenEXR and HDR, whose numbers are light, and {path} is another type; leave it out."
+            )
         self._passes = Passes.chosen(first, passes) if is_exr else Passes(first)
         image = self._read(first)
         self.images = replace(
@@ -248,14 +246,12 @@ def _check_gaps(path: str, sequence: NumberedImages) -> None:
     """Raise `OptionError` if images without numbers are to get gaps filled, `InputError` for too large a gap."""
     if not sequence.numbers:
         raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
-    refuse(
-        {
-            f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` makes "
-            f"{MAX_GAP - 1} at most; choose one sequence, or number the images anew.": following - number > MAX_GAP
-            for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True))
-        },
-        InputError,
-    )
+    for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True)):
+        if following - number > MAX_GAP:
+            raise InputError(
+                f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
+                f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
+            )
 
 
 def _without_moved(sequence: NumberedImages) -> NumberedImages:

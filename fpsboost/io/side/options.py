@@ -1,6 +1,6 @@
 """Options for what is written beside the frames of a conversion."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from fpsboost.options import Checked, PathName, option
 
@@ -21,11 +21,6 @@ class SideOutputs(Checked):
         Where to write the motion of every source frame next to an interpolated one, named like
         the source's images: ``NAME_backward.flo`` and ``NAME_forward.flo``; OpenEXR in Blender's convention by a
         pattern (``motion_####.exr``). Pictures in colour, ``NAME_forward.png``, are written beside them.
-
-    Examples
-    --------
-    >>> SideOutputs(confidence="conf/").given
-    ['`confidence`']
     """
 
     confidence: PathName | None = option(
@@ -34,8 +29,3 @@ class SideOutputs(Checked):
     save_motion: PathName | None = option(
         None, "Write motion fields, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
-
-    @property
-    def given(self) -> list[str]:
-        """Names of the options that were given."""
-        return [f"`{field.name}`" for field in fields(self) if getattr(self, field.name) is not None]

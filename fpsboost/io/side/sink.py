@@ -133,7 +133,7 @@ def with_side_outputs(
     `images` are those of the source, which lend their names to files of motion. Raises `OptionError` for a path that
     names neither a folder of its own nor a pattern of a type that can be written.
     """
-    if not side.given and watcher is None:
+    if side == SideOutputs() and watcher is None:
         return sink
     taken = [images.files[0].parent] if images else []
     confidence = motion = None

@@ -18,7 +18,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OutputError, ReaderGoneError, applicable, refuse
+from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError, applicable
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
@@ -198,13 +198,13 @@ class PipeSink:
         encoding = output.encoding
         others = [option for option in encoding.given if option != "`pixel_format`"]
         pixel_formats = dict.fromkeys(formats.values())
-        refuse(
-            {
-                f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.": others,
+        if others:
+            raise OptionError(f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.")
+        if encoding.pixel_format not in (None, *pixel_formats):
+            raise OptionError(
                 f"YUV4MPEG2 does not hold `pixel_format={encoding.pixel_format!r}`; use one of "
-                f"{', '.join(pixel_formats)}.": encoding.pixel_format not in (None, *pixel_formats),
-            }
-        )
+                f"{', '.join(pixel_formats)}."
+            )
         self._output = output
         self._info = output.info
         self._waiting = None if stream else descriptor_of(sys.__stdout__, OutputError, OUTPUT_NAME)
