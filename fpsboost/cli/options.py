@@ -118,7 +118,7 @@ class MaskOptions(Checked):
     """Areas that stay as they are, or are interpolated as a layer."""
 
     mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
-    mask_as: MaskAs = option("keep", "Masked areas: keep them, or interpolate as a layer.")
+    mask_as: MaskAs = option("keep", "Masked areas: keep, or move as a layer.")
 
     def object(self) -> fpsboost.Mask | None:
         """Return the mask; None if none is given."""
@@ -136,7 +136,7 @@ class MethodOptions:
         choices=METHODS,
     )
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    uncertain: Uncertain = option("keep", f"If uncertain: {one_of(Uncertain)}.")
+    uncertain: Uncertain = option("keep", f"If unsure: {one_of(Uncertain)}.")
     below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
     masking: MaskOptions = MaskOptions()
     rendered: RenderedOptions = RenderedOptions()

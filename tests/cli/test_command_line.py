@@ -260,7 +260,7 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
     "codec in the wrong place": ("in.mp4 out.webm --codec h264", "--codec"),
     "cut threshold": ("in.mp4 out.mp4 --method blend --cut-threshold 3", "--cut-threshold"),
-    "use of no mask": ("in.mp4 out.mp4 --mask-as layer", "--mask-as goes with --mask"),
+    "use of no mask": ("in.mp4 out.mp4 --mask-as layer", "--mask-as needs --mask"),
     "layer of frames with alpha": (
         "alpha.mkv out.mkv --codec ffv1 --mask single/shot_0001.png --mask-as layer",
         "--mask-as layer needs frames without alpha",
