@@ -233,11 +233,10 @@ def _options_of_known(known: Encoder, asked: str, encoding: EncodeSettings) -> d
     """Return the options for an encoder of the table; raise `OptionError` for values that it does not accept."""
     crf = known.crf if encoding.crf is None else encoding.crf
     preset = encoding.preset or known.preset
-    unknown = f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}"
     if not 0 <= crf <= known.largest_crf:
         raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
     if preset not in known.presets:
-        raise OptionError(unknown)
+        raise OptionError(f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}")
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
         _check_lossless(asked, bool(known.lossless))
