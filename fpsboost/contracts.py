@@ -50,9 +50,8 @@ class HasPositions(Protocol):
         """
 
 
-@runtime_checkable
-class RandomAccess(Protocol):
-    """Contract: source that knows when its frames are shown without decoding them, and can begin at any of them."""
+class RandomAccess(FrameSource, Protocol):
+    """Contract: source that may know when its frames are shown without decoding them, and can begin at any of them."""
 
     def frame_times(self) -> Sequence[Fraction] | None:
         """Return the times of all frames in order, seconds; None if only decoding tells. Before the first is read.
@@ -79,6 +78,17 @@ class ClosesOnExit:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+class ReadInOrder(ClosesOnExit):
+    """Source that is read from its first frame on, and whose times only decoding tells; see `RandomAccess`."""
+
+    def frame_times(self) -> None:
+        """Return None."""
+
+    def begin_at(self, number: int) -> None:
+        """Do nothing, as long as the frame is the first one."""
+        assert number == 0, "frames that are not listed have no numbers"
 
 
 @runtime_checkable

@@ -5,8 +5,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
-from itertools import chain, count, cycle, islice, pairwise, takewhile
+from itertools import chain, count, cycle, islice, takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal, overload
 
@@ -21,12 +20,10 @@ from fpsboost.contracts import (
     FrameSource,
     HasCompletedFrames,
     OutputRange,
-    RandomAccess,
     Summary,
 )
-from fpsboost.derived_sources import FoldedSource
+from fpsboost.edits import LOOP_CONTEXT, looped
 from fpsboost.errors import InputError, OptionError, choose_one, explained
-from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, check_image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
@@ -45,23 +42,15 @@ from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
 from fpsboost.parts.plan import enter, plan_part, share_index
 from fpsboost.preparation import (
     ConversionJob,
-    Preparation,
     closing_remarks,
     memory_limit,
     prepared,
-    read_again,
 )
 from fpsboost.run_options import RunObserver, RunOptions
-from fpsboost.streaming import interpolate_frames, positions_of, run_conversion
+from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate, exposed
-from fpsboost.timing.schedule import MAX_FACTOR, MAX_FILLED, MAX_RATE, count_frames, parse_rate
-
-LOOP_CONTEXT = 12
-"""Frames of a loop that are read again before its first and after its last one.
-
-Repeated frames are found within `DuplicateDetector.most` frames, and motion within two more.
-"""
+from fpsboost.timing.schedule import MAX_FACTOR, MAX_RATE, parse_rate
 
 
 @checked
@@ -165,12 +154,13 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             planes = 0 if images is None else images.planes
             threads = memory_limit(job, run).affordable_threads(info.width, info.height, available_cores(), planes)
         observer = RunObserver(run)
-        source, outputs = (
-            looped(ready)
-            if job.rate.loop
-            else (clip.source, enter(ready, OutputRange()) if part is None else part.outputs)
-        )
-        observer.opened(info, output.expected_frames if part is None else part.output.frames)
+        source: FrameSource = clip.source
+        if job.rate.loop:
+            keeps_sound = ready.target.kind == "video" and output.encoding.audio
+            source, outputs = looped(clip, ready.base_schedule, keeps_sound=keeps_sound)
+        else:
+            outputs = enter(ready, OutputRange()) if part is None else part.outputs
+        observer.opened(info, output.expected_of_part)
         with sink:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
@@ -200,65 +190,6 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     if part is None:
         summary.remarks += closing_remarks(ready, summary.frame_intervals)
     return summary
-
-
-def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
-    """Return the source of a conversion as it loops, and the output frames of one round. Decodes the last frame.
-
-    The source goes on with its first frames after its last one, and comes from its last ones before its first; one
-    round of it is kept, which lasts until the end of the last frame. So the seam has frames before and after it like
-    any other place: pairs, cuts, repeated frames, exposures and side outputs need to know nothing of it.
-
-    Raises
-    ------
-    OptionError
-        The source cannot be read twice, or does not list its frames; or one of them is shown for minutes.
-    """
-    source = ready.clip.source
-    whole = ready.clip.whole
-    schedule = ready.base_schedule
-    times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
-    if times is None or not isinstance(source, RandomAccess):
-        raise OptionError(
-            f"`loop` reads {whole.info.name} again from its beginning, and needs a file that says when each frame is "
-            "shown; convert it with `factor=1` first."
-        )
-    source.begin_at(0)  # so that the window on the other streams is known
-    count = len(times)
-    start = times[0]
-    read_from = partial(read_again, ready.job, ready.run, whole)
-    with read_from(count - 1) as again:
-        last = list(again)[-1]
-    end = schedule.presentation_time(start, last.time + (last.duration or 1 / source.info.rate))
-    if any(after - time > MAX_FILLED for time, after in pairwise([*times, end])):
-        raise OptionError(f"`loop` shows no frame for minutes, as {whole.info.name} does; leave it out.")
-    window = ready.clip.window
-    of_clip = whole.frame_times() if isinstance(whole, RandomAccess) else None
-    if window is not None and of_clip is not None and window.skipped + count < len(of_clip):
-        window.end = window.begin + end - start  # the clip goes on, and so does its sound
-    order = range(-LOOP_CONTEXT, count + LOOP_CONTEXT)
-    shown = [times[number % count] + number // count * (end - start) for number in order]
-    info = replace(source.info, frame_count=count, duration=end - start)
-    total = count_frames(schedule, info, holds_last_frame=True)
-    seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
-    before = schedule.output_position(order[0], start, schedule.presentation_time(start, shown[0]))
-    remarks = list(dict.fromkeys([*whole.remarks, *again.remarks]))
-    video = whole.stream_info.video
-    if ready.target.kind == "video" and ready.output.encoding.audio and video and "sound" in video.companions:
-        remarks.append(
-            f"{info.name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
-            "the last one until its end; leave it out with `audio=False`."
-        )
-    if len(seam) > 1 and not any(seam):
-        remarks.append(f"{info.name} holds its last frame, and so does its loop; no frames lead from it to the first.")
-
-    def position_of(number: int, seconds: Fraction) -> SourcePosition:
-        return positions_of(source)(number % count, seconds % (end - start))
-
-    return (
-        FoldedSource(info, remarks, [number % count for number in order], shown, read_from, position_of),
-        OutputRange(stop=total, entry=Entry(order[0], start, math.ceil(before)), end=end),
-    )
 
 
 def fingerprint_job(source: DescribedSource, *, resume: bool, **options: Any) -> JobFingerprint | None:

@@ -12,15 +12,16 @@ from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
+from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.conflicts import check_together
 from fpsboost.contracts import FrameSource, RandomAccess
-from fpsboost.derived_sources import FoldedSource, Sliceable, trim_source, without_gaps, without_repeats
+from fpsboost.derived_sources import trim_source
+from fpsboost.edits import OpenedClip, played_backwards, with_gaps, without_repeats
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import DescribedSource, SeekableSource
 from fpsboost.io.animation import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
@@ -29,13 +30,14 @@ from fpsboost.io.opening import PIPES, Target, check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.media import FOREVER, VIDEO_SUFFIXES, Window
+from fpsboost.io.video.source import VideoSource
+from fpsboost.media import FOREVER, VIDEO_SUFFIXES
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
 from fpsboost.render.folder import VectorFolder, fit_vectors
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import positions_of
+from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import Gaps, Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
@@ -77,35 +79,6 @@ class ConversionJob(Checked):
         return target
 
 
-@dataclass
-class OpenedClip:
-    """Source of a conversion: the whole clip, the part that is converted, and its window; None for all."""
-
-    target: Target
-    """Where the output goes, which determines how the source is read."""
-    whole: DescribedSource
-    source: FrameSource
-    window: Window | None
-    curve: TimeMap | None = None
-    """Which time of the source every output time shows; None where it plays at its own speed."""
-    clip_curve: TimeMap | None = None
-    """The same of the clip itself, which a source that never plays backwards unfolds."""
-
-    def begin_near(self, seconds: Fraction) -> Fraction | None:
-        """Let the whole clip begin where reading can begin next to a time, if it can; return the origin of its times.
-
-        Times count from the clip's first frame. Must be called before the first frame is read.
-        """
-        if isinstance(self.whole, Sliceable):
-            self.whole.keep(int(seconds * self.whole.info.rate), None)
-            return -positions_of(self.whole)(0, Fraction(0)).seconds
-        if isinstance(self.whole, SeekableSource):
-            origin = self.whole.first_time()
-            self.whole.skip_to(origin + seconds)
-            return origin
-        return None
-
-
 def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
     """Return the memory that a conversion may take, and what it takes for a pixel, by its method and output."""
     kind = Target.parse(job.output or "images/").kind
@@ -115,15 +88,31 @@ def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
 
 @contextmanager
 def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
-    """Open the source of a job while the block lasts; see `fpsboost.io.opening.open_source`."""
+    """Open the source of a job while the block lasts, with its frames as they are converted."""
+    with opened_part(job, run) as part:
+        yield _edited(part, job)
+
+
+def _edited(clip: OpenedClip, job: ConversionJob) -> OpenedClip:
+    if clip.curve is not None and clip.curve.reverses:
+        check_together(job.names_given() | {"`retime` that plays backwards"})
+        return played_backwards(clip, clip.curve)
+    if job.rate.duplicates == "drop":
+        return without_repeats(clip, job.method.duplicates or DuplicateDetector())
+    return with_gaps(clip, job.rate.gaps) if isinstance(job.rate.gaps, Gaps) else clip
+
+
+@contextmanager
+def opened_part(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
+    """Open the part of its source that a job converts, while the block lasts; see `fpsboost.io.opening.open_source`."""
     rate = job.rate
-    interpolator = job.method
+    method = job.method
     target = job.target(run)
     requirements = target.requirements(
         job.encoding,
         needs_rate=rate.fps is not None or job.decoding.trim.needs_rate,
-        takes_planes=interpolator.takes_planes and rate.shutter is None,
-        takes_layers=interpolator.takes_layers and rate.shutter is None,
+        takes_planes=method.takes_planes and rate.shutter is None,
+        takes_layers=method.takes_layers and rate.shutter is None,
     )
     with open_source(
         os.fspath(job.input),
@@ -133,58 +122,31 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         in_place=run.in_place,
         limit=memory_limit(job, run),
     ) as whole:
-        _check_layers(whole.stream_info.images, interpolator, rate)
-        may_skip = not counts_frames(interpolator.cuts, interpolator.mask) and rate.replace is None
-        trim = job.decoding.trim
         images = whole.stream_info.images
+        _check_layers(images, method, rate)
+        trim = job.decoding.trim
         info = with_duration(whole) if rate.retimes else whole.info
-        clip_curve = curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
+        curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
+        may_skip = not counts_frames(method.cuts, method.mask) and rate.replace is None
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
-        # as `source` is, before its frames get another order or other times
-        read_from = partial(
-            read_again,
-            replace(job, rate=replace(rate, retime=None, slow_motion_sound=None, duplicates="keep", gaps=None)),
-            run,
-            whole,
-        )
-        if curve is not None and curve.reverses:
-            check_together(job.names_given() | {"`retime` that plays backwards"})
-            times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
-            if times is None:
-                raise OptionError(
-                    f"`retime` plays {whole.info.name} backwards, which needs a file that says when each frame is "
-                    "shown; let no time fall, or convert it with `factor=1` first."
-                )
-            order, shown, curve = curve.unfolded(times)
-            info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
-            source = FoldedSource(info, list(whole.remarks), order, shown, read_from)
-        if rate.duplicates == "drop":
-            source = without_repeats(job.method, whole, source, read_from)
-        if isinstance(rate.gaps, Gaps):
-            source = without_gaps(rate.gaps, whole, source, read_from)
-        yield OpenedClip(target, whole, source, window, curve, clip_curve)
+        yield OpenedClip(target, whole, source, partial(read_again, job, run, whole), window, curve, curve)
 
 
 @contextmanager
 def read_again(job: ConversionJob, run: RunOptions, whole: FrameSource, number: int) -> Iterator[FrameSource]:
-    """Open the source of a job, which is `whole`, once more while the block lasts, to be read from a frame on.
-
-    Without `RandomAccess`, it is read from its beginning.
-    """
-    with opened_clip(job, run) as again:
-        index = whole.frame_index if isinstance(whole, SeekableSource) else None
-        if index is not None and isinstance(again.whole, SeekableSource):
-            again.whole.frame_index = index
-        if isinstance(again.source, RandomAccess):
-            again.source.begin_at(number)
+    """Open the part that a job converts of its source `whole` once more, to be read from a frame on."""
+    with opened_part(job, run) as again:
+        if isinstance(whole, VideoSource) and isinstance(again.whole, VideoSource):
+            again.whole.frame_index = whole.frame_index
+        again.source.begin_at(number)
         yield again.source
 
 
-def with_duration(source: FrameSource) -> ClipInfo:
+def with_duration(source: RandomAccess) -> ClipInfo:
     """Return the properties of a source with its duration, by the times of its frames if the header does not say."""
     info = source.info
-    times = source.frame_times() if info.duration is None and isinstance(source, RandomAccess) else None
-    return replace(info, duration=times[-1] - times[0] + 1 / info.rate, frame_count=len(times)) if times else info
+    times = source.frame_times() if info.duration is None else None
+    return Edit.whole(times).of_info(info) if times else info
 
 
 @dataclass
@@ -238,11 +200,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     if interpolator.mask is not None:
         # videos come upright where the output is no video
         matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
-        times = (
-            clip.source.frame_times()
-            if isinstance(clip.source, RandomAccess) and counts_frames(interpolator.mask) and job.decoding.trim.is_whole
-            else None
-        )
+        is_whole = counts_frames(interpolator.mask) and job.decoding.trim.is_whole
+        times = clip.source.frame_times() if is_whole else None
         interpolator = replace(interpolator, mask=interpolator.mask.fitted(info, matrix, times))
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or rate.loop)
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)

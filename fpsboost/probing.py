@@ -18,11 +18,11 @@ from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import SeekableSource
 from fpsboost.io.animation import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
+from fpsboost.io.video.source import VideoSource
 from fpsboost.media import Look, OutputTiming, StreamFacts, list_streams, look_of
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair, with_neighbours
@@ -211,7 +211,7 @@ def probe(
                 refused = str(error)
         findings = Findings()
         cuts = findings.cuts(source, methods["nlm"])
-        if isinstance(source, SeekableSource):
+        if isinstance(source, VideoSource):
             refused = refused or source.stopped_by
         info = source.info
         times = findings.times

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
+from fpsboost.timing.edit import Edit
 
 NUMBERS = dict(
     enumerate(["two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"], 2)
@@ -109,17 +110,17 @@ class Repeats:
                 )
         return max(found, key=lambda each: each.share, default=None)
 
-    def kept(self, cadence: Cadence | None) -> tuple[list[int], list[Fraction]]:
-        """Return the numbers of the frames that stay without repeats, and their times, seconds.
+    def kept(self, cadence: Cadence | None) -> Edit:
+        """Return the edit without repeats.
 
         With a certain cadence, they are as many as it says, at evenly spaced times, in stills too; otherwise those that
         are no repeats, at their own times.
         """
         if cadence is None or not cadence.is_certain:
             numbers = [number for number, is_repeat in enumerate(self.are_repeats) if not is_repeat]
-            return numbers, [self.times[number] for number in numbers]
+            return Edit(numbers, [self.times[number] for number in numbers])
         numbers = self._evenly_chosen(cadence.pictures, cadence.frames)
-        return numbers, [self.times[0] + number / cadence.rate for number in range(len(numbers))]
+        return Edit(numbers, [self.times[0] + number / cadence.rate for number in range(len(numbers))])
 
     def _evenly_chosen(self, pictures: int, frames: int) -> list[int]:
         """Return the numbers of so many of every so many frames: those that show a new picture.

@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from fpsboost import __version__
 from fpsboost.contracts import Summary
+from fpsboost.edits import OpenedClip
 from fpsboost.errors import InputError, explained
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import SAMPLE_BITS, view
@@ -30,7 +31,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.layered import FrameImage
 from fpsboost.media import Window, pyav_version, write_safely
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
+from fpsboost.preparation import ConversionJob, Preparation, opened_part, prepared
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.time_map import TimeMap
@@ -186,7 +187,7 @@ def facts_of(ready: Preparation) -> dict[str, str]:
     alike.
     """
     job = ready.job
-    with opened_clip(replace(job, rate=replace(job.rate, duplicates="keep", gaps=None)), ready.run) as again:
+    with opened_part(job, ready.run) as again:
         image = next(iter(again.whole)).image
     with explained(InputError, "read", ready.clip.whole.info.name, "check that it is still there"):
         return fingerprint_options(

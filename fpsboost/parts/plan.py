@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
@@ -23,11 +23,12 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.conflicts import check_together
-from fpsboost.contracts import Entry, OutputRange, RandomAccess, Summary
+from fpsboost.contracts import Entry, OutputRange, Summary
+from fpsboost.edits import OpenedClip
 from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import SeekableSource
+from fpsboost.io.video.source import VideoSource
 from fpsboost.media import (
     CHUNK_FRAMES,
     INDEX_NAME,
@@ -40,9 +41,10 @@ from fpsboost.media import (
     write_safely,
 )
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, prepared, read_again
+from fpsboost.preparation import ConversionJob, Preparation, prepared
 from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
+from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import MAX_RUN
 from fpsboost.timing.rate import exposed
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
@@ -115,8 +117,6 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     source = ready.clip.source
     curve = ready.clip.curve
     is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
-    if not isinstance(source, RandomAccess):
-        return outputs
     if not is_late:
         if ready.run.chunk is not None:  # frames that are listed are counted, and not sought by their time
             source.begin_at(0)
@@ -126,8 +126,7 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
     schedule = exposed(ready.base_schedule, job.rate)
     before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE
-    read_from = partial(read_again, job, ready.run, ready.clip.whole)
-    entry = find_entry(times, schedule, detector, outputs.first, read_from, before)
+    entry = find_entry(times, schedule, detector, outputs.first, ready.clip.read_from, before)
     source.begin_at(entry.number)
     return replace(outputs, entry=entry)
 
@@ -260,9 +259,7 @@ def _measured(ready: Preparation) -> tuple[int, int]:
     ready.target.check_parts()
     clip = ready.clip
     times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
-    info = clip.source.info
-    if times:
-        info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
+    info = Edit.whole(times).of_info(clip.source.info) if times else clip.source.info
     total = count_frames(ready.base_schedule, info, ready.target.has_clock)
     check_together(ready.job.rate.names_given() | {"chunk"})
     if total is None or not clip.whole.stream_info.files:
@@ -275,12 +272,9 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
 
     They are read from the list in the folder of all parts if there is one.
     """
-    source = clip.source
-    if not isinstance(source, RandomAccess):
-        return None
-    if isinstance(clip.whole, SeekableSource):
+    if isinstance(clip.whole, VideoSource):
         clip.whole.frame_index = read_index(folder, input_identity(clip)) or clip.whole.frame_index
-    return source.frame_times()
+    return clip.source.frame_times()
 
 
 def share_index(clip: OpenedClip, folder: Path) -> None:
@@ -288,7 +282,7 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
 
     Where that fails, parts read the video themselves.
     """
-    index = clip.whole.frame_index if isinstance(clip.whole, SeekableSource) else None
+    index = clip.whole.frame_index if isinstance(clip.whole, VideoSource) else None
     if index is None or (folder / INDEX_NAME).exists():
         return
     points = [(point.number, point.pts, point.dts) for point in index.entry_points]

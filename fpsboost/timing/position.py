@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -164,6 +165,21 @@ class Trim(Checked):
         begin = Fraction(0) if self.start is None else self.start.seconds(info.rate)
         end = None if self.end is None else self.end.seconds(info.rate)
         return begin, end
+
+    def numbers(self, times: Sequence[Fraction], tolerance: Fraction) -> range:
+        """Return the numbers of the frames in the part, of a clip whose frames are at `times`, increasing seconds.
+
+        Times of the trim may be so much later than those of their frames.
+        """
+
+        def first_at(place: Position) -> int:
+            def is_reached(number: int) -> bool:
+                return place.is_reached(number, times[number] - times[0] + tolerance)
+
+            return bisect_left(range(len(times)), True, key=is_reached)
+
+        first = 0 if self.start is None else first_at(self.start)
+        return range(first, len(times) if self.end is None else first_at(self.end))
 
     def of_info(self, info: ClipInfo) -> ClipInfo:
         """Return the information about the trimmed clip, with duration and number of frames if the header has them."""

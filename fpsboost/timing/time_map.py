@@ -16,6 +16,7 @@ from functools import cached_property
 from itertools import accumulate, pairwise
 
 from fpsboost.media import FOREVER, Passage
+from fpsboost.timing.edit import Edit
 
 SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
 """Lowest and highest speed at which sound is stretched at its pitch by default."""
@@ -148,7 +149,7 @@ class TimeMap:
         ends = self.is_open or self.segments[0].source1 == duration
         return len(self.segments) == 1 and first.speed == 1 and not first.source0 and ends
 
-    def unfolded(self, times: Sequence[Fraction]) -> tuple[list[int], list[Fraction], TimeMap]:
+    def unfolded(self, times: Sequence[Fraction]) -> tuple[Edit, TimeMap]:
         """Return an equivalent map that never plays backwards, of a clip whose frames repeat instead.
 
         Parameters
@@ -158,10 +159,8 @@ class TimeMap:
 
         Returns
         -------
-        places : list of int
-            Numbers of the source's frames in the order of the output: as often as each is passed.
-        times : list of Fraction
-            Times of the unfolded clip's frames, from 0 on.
+        edit : Edit
+            The source's frames in the order of the output, as often as each is passed, at times from 0 on.
         curve : TimeMap
             Map of output times to times of the unfolded clip. The source turns behind the frame that encloses the turn.
         """
@@ -185,7 +184,7 @@ class TimeMap:
                 displayed.append(offset + sign * ends[place])
             source0, source1, *slopes = (sign * x for x in (each.source0, each.source1, each.slope0, each.slope1))
             segments.append(Segment(each.begin, each.end, offset + source0, offset + source1, *slopes))
-        return [min(place, last) for place in places], displayed, TimeMap(tuple(segments), self.is_open)
+        return Edit([min(place, last) for place in places], displayed), TimeMap(tuple(segments), self.is_open)
 
     def source(self, time: Fraction) -> Fraction:
         """Return the source time that an output time shows, seconds; the last one after the end."""

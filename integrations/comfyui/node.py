@@ -17,7 +17,7 @@ from fpsboost import (
     methods,
     run_conversion,
 )
-from fpsboost.conversion import LOOP_CONTEXT
+from fpsboost.edits import LOOP_CONTEXT
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.options import AtCuts, Duplicates
 from fpsboost.threads import available_cores

@@ -11,6 +11,7 @@ from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, convert
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.gaps import find_gaps
+from fpsboost.timing.edit import Edit
 from support.conversion_options import FAST
 from support.held_frames import HEIGHT, WIDTH, pan
 from support.video_truth import packets_of, pictures_of, write_clip
@@ -47,7 +48,8 @@ def test_each_picture_of_a_regular_cadence_is_kept_once(name, first):
     repeats = noted(pictures, rate)
     cadence = repeats.cadence(Fraction(rate))
     assert (cadence.name, cadence.rate, cadence.is_certain) == (name, Fraction(rate * len(pattern), sum(pattern)), True)
-    numbers, times = repeats.kept(cadence)
+    edit = repeats.kept(cadence)
+    numbers, times = edit.frames, edit.times
     kept = [pictures[number] for number in numbers]
     assert len(kept) == len({*kept}) >= len({*pictures}) - 1
     assert (kept[: len({*before})], times) == (sorted({*before}), [k / cadence.rate for k in range(len(numbers))])
@@ -62,7 +64,7 @@ def test_noise_in_the_last_frames_is_no_picture():
     pictures[98:] = [pictures[98] + 0.3, pictures[99] + 0.4]
     repeats = noted(pictures, 120)
     assert repeats.differences[98] > DuplicateDetector().noise
-    assert repeats.kept(repeats.cadence(Fraction(120)))[0] == list(range(0, 100, 5))
+    assert repeats.kept(repeats.cadence(Fraction(120))).frames == list(range(0, 100, 5))
 
 
 def test_motion_as_small_as_noise_keeps_the_cadence():
@@ -70,7 +72,7 @@ def test_motion_as_small_as_noise_keeps_the_cadence():
     pictures = shown([1, 1, 1, 2], 60)
     repeats = noted([*pictures, *(50 + number / 16 for number in pictures)], 30)
     cadence = repeats.cadence(Fraction(30))
-    assert (cadence.name, cadence.is_certain, len(repeats.kept(cadence)[0])) == ("one of five repeated", True, 96)
+    assert (cadence.name, cadence.is_certain, len(repeats.kept(cadence).frames)) == ("one of five repeated", True, 96)
 
 
 @pytest.mark.parametrize("counts", [[1, 2, 1, 3, 3, 2, 1] * 8 + [2, 1, 1] * 8, [1, 1, 1, 2] * 12 + [1] * 40])
@@ -78,7 +80,8 @@ def test_what_is_irregular_keeps_the_times_of_first_frames(counts):
     """In a game, or where one part has another rate: no constant rate is that of the pictures."""
     repeats = noted([number for number, count in enumerate([*counts, 1]) for _ in range(count)], 30)
     cadence, firsts = repeats.cadence(Fraction(30)), [0, *accumulate(counts)]
-    assert (cadence.is_certain, *repeats.kept(cadence)) == (False, firsts, [repeats.times[each] for each in firsts])
+    assert not cadence.is_certain
+    assert repeats.kept(cadence) == Edit(firsts, [repeats.times[each] for each in firsts])
 
 
 @pytest.mark.parametrize("length", [2, 3])

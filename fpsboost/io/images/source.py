@@ -228,7 +228,7 @@ class ImageSource(ClosesOnExit):
         """Restrict the source to the images from `first` up to, not including, `last`; None for the end.
 
         Images are counted from 0; with `fill_gaps`, their numbers are, from the first one. Raises `InputError` if none
-        is left. See `fpsboost.preparation.Sliceable.keep`.
+        is left. See `fpsboost.derived_sources.trim_source`.
         """
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:

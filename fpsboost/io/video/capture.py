@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from fpsboost.contracts import ClosesOnExit
+from fpsboost.contracts import ReadInOrder
 from fpsboost.errors import InputError, undone_by
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, check_pair, check_values
@@ -20,7 +20,7 @@ from fpsboost.memory import MemoryLimit
 MAX_DENOMINATOR = 1001  # maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001
 
 
-class ArraySource(ClosesOnExit):
+class ArraySource(ReadInOrder):
     """Source of the images of an iterable, at a constant frame rate; the first one is read at once.
 
     Closing it does nothing, since the caller owns the origin of the images.

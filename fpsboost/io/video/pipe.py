@@ -17,7 +17,7 @@ from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
-from fpsboost.contracts import ClosesOnExit
+from fpsboost.contracts import ReadInOrder
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError, applicable
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
@@ -58,7 +58,7 @@ chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "toplef
 """Chroma sample locations, by the format names that imply one."""
 
 
-class PipeSource(ClosesOnExit):
+class PipeSource(ReadInOrder):
     """Frames of a YUV4MPEG2 stream at a constant rate, which can be read once; opening waits for the first frame.
 
     Parameters

@@ -1,0 +1,204 @@
+"""Edits of an opened clip: backwards, without repeats, with the time that gaps took, and as a loop.
+
+Each reads what it must know, and lists the frames anew; see `fpsboost.timing.edit.Edit`.
+"""
+
+import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+
+from fpsboost.analysis.cadence import Repeats
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
+from fpsboost.analysis.gaps import find_gaps
+from fpsboost.contracts import Entry, FrameSource, OutputRange, RandomAccess
+from fpsboost.derived_sources import EditedSource
+from fpsboost.errors import OptionError
+from fpsboost.frame import ClipInfo
+from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.io import DescribedSource
+from fpsboost.io.images.source import ImageSource
+from fpsboost.io.opening import Target
+from fpsboost.io.video.source import VideoSource
+from fpsboost.media import Window, counted
+from fpsboost.streaming import positions_of
+from fpsboost.timing.edit import Edit
+from fpsboost.timing.position import Gaps
+from fpsboost.timing.rate import readable
+from fpsboost.timing.schedule import MAX_FILLED, ByRate, Schedule, count_frames
+from fpsboost.timing.time_map import TimeMap
+
+MAX_LISTED = 40  # gaps that a remark lists
+
+LOOP_CONTEXT = 12
+"""Frames of a loop that are read again before its first and after its last one.
+
+Repeated frames are found within `DuplicateDetector.most` frames, and motion within two more.
+"""
+
+
+@dataclass(frozen=True)
+class OpenedClip:
+    """Source of a conversion: the whole clip, the part that is converted, and its window; None for all."""
+
+    target: Target
+    """Where the output goes, which determines how the source is read."""
+    whole: DescribedSource
+    source: RandomAccess
+    read_from: Callable[[int], AbstractContextManager[FrameSource]]
+    """Opens `source` once more while a block lasts, to be read from a frame on."""
+    window: Window | None
+    curve: TimeMap | None = None
+    """Which time of the source every output time shows; None where it plays at its own speed."""
+    clip_curve: TimeMap | None = None
+    """The same of the clip itself, which a source that never plays backwards unfolds."""
+
+    def begin_near(self, seconds: Fraction) -> Fraction | None:
+        """Let the whole clip begin where reading can begin next to a time, if it can; return the origin of its times.
+
+        Times count from the clip's first frame. Must be called before the first frame is read.
+        """
+        if isinstance(self.whole, ImageSource):
+            self.whole.keep(int(seconds * self.whole.info.rate), None)
+            return -self.whole.position_of(0, Fraction(0)).seconds
+        if isinstance(self.whole, VideoSource):
+            origin = self.whole.first_time()
+            self.whole.skip_to(origin + seconds)
+            return origin
+        return None
+
+    def edited(self, edit: Edit, info: ClipInfo, *remarks: str) -> "OpenedClip":
+        """Return the clip with its frames as an edit lists them; `info` is that of the edited clip."""
+        source = EditedSource(info, [*self.whole.remarks, *remarks], edit, self.read_from)
+        return replace(self, source=source, read_from=source.again)
+
+
+def played_backwards(clip: OpenedClip, curve: TimeMap) -> OpenedClip:
+    """Return a clip whose frames come in the order in which a curve shows them, and so never backwards."""
+    times = clip.source.frame_times() if clip.whole.stream_info.files else None
+    if times is None:
+        raise OptionError(
+            f"`retime` plays {clip.whole.info.name} backwards, which needs a file that says when each frame is shown; "
+            "let no time fall, or convert it with `factor=1` first."
+        )
+    edit, unfolded = curve.unfolded(times)
+    return replace(clip.edited(edit, edit.of_info(clip.source.info)), curve=unfolded)
+
+
+def without_repeats(clip: OpenedClip, detector: DuplicateDetector) -> OpenedClip:
+    """Read a clip, and return it without the frames that repeat a picture.
+
+    Raises `OptionError` if it can be read only once.
+    """
+    if not clip.whole.stream_info.files:
+        raise OptionError("`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.")
+    found = Repeats(detector)
+    for _ in found.groups(map(SourceFrame, clip.source)):
+        pass
+    info = replace(clip.source.info, mean_rate=None)
+    cadence = found.cadence(info.rate)
+    edit = found.kept(cadence)
+    how = "keep their own times"
+    if cadence is not None and cadence.is_certain:
+        info = replace(info, rate=cadence.rate, time_base=ByRate(cadence.rate).time_base(info.time_base))
+        how = f"are evenly spaced, {readable(info.rate)} per second ({cadence.name})"
+    all_frames = len(found.times)
+    remark = (
+        f"{all_frames - len(edit.frames)} of {all_frames} frames repeat another and were dropped; the others {how}."
+    )
+    return clip.edited(edit, edit.of_info(info), remark)
+
+
+def with_gaps(clip: OpenedClip, gaps: Gaps) -> OpenedClip:
+    """Return a clip with each of its frames later by the frames that are missing before it.
+
+    These are found by reading the clip, unless all are listed. Raises `OptionError` if its rate is not constant, or the
+    last frame is listed.
+    """
+    info = clip.source.info
+    times = clip.source.frame_times() or ()
+    if not times or any(abs((after - time) * info.rate - 1) > Fraction(1, 2) for time, after in pairwise(times)):
+        raise OptionError(
+            f"`gaps` needs a constant rate and a file that says when each frame is shown, unlike {info.name}; convert "
+            "it with `factor=1` first."
+        )
+    last = len(times) - 1
+    for late in gaps.behind(last - 1, times[-1] - times[0]):
+        raise OptionError(f"`gaps` has {late}, and the last frame of {info.name} is {last}; name earlier ones.")
+    found = find_gaps(FrameCache(frame.image) for frame in clip.source) if gaps.detect else {}
+    missing = [
+        gaps.times_listed(number, begin - times[0], end - times[0]) or found.get(number, 0)
+        for number, (begin, end) in enumerate(pairwise(times))
+    ]
+    edit = Edit.whole(times).with_gaps(missing, 1 / info.rate)
+    return clip.edited(edit, edit.of_info(info), _gaps_remark(missing, info.rate))
+
+
+def _gaps_remark(missing: list[int], rate: Fraction) -> str:
+    """Return which frames are missing, by their numbers behind each frame."""
+    listed = [f"{number}" + (f"x{count}" if count > 1 else "") for number, count in enumerate(missing) if count]
+    if not listed:
+        return "No gap was found in camera motion; `gaps` takes a list of those in other motion."
+    more = ", ..." if len(listed) > MAX_LISTED else ""
+    return (
+        f"Missing behind {','.join(listed[:MAX_LISTED])}{more}: {counted(sum(missing), 'frame')}; with them, the "
+        f"picture is {float(sum(missing) / rate):.3f} s longer."
+    )
+
+
+def looped(clip: OpenedClip, schedule: Schedule, *, keeps_sound: bool) -> tuple[EditedSource, OutputRange]:
+    """Return the source of a clip as it loops, and the output frames of one round. Decodes the last frame.
+
+    The source goes on with its first frames after its last one, and comes from its last ones before its first; one
+    round of it is kept, which lasts until the end of the last frame. So the seam has frames before and after it like
+    any other place: pairs, cuts, repeated frames, exposures and side outputs need to know nothing of it.
+
+    Raises
+    ------
+    OptionError
+        The source cannot be read twice, or does not list its frames; or one of them is shown for minutes.
+    """
+    source = clip.source
+    name = clip.whole.info.name
+    times = source.frame_times() if clip.whole.stream_info.files else None
+    if times is None:
+        raise OptionError(
+            f"`loop` reads {name} again from its beginning, and needs a file that says when each frame is shown; "
+            "convert it with `factor=1` first."
+        )
+    source.begin_at(0)  # so that the window on the other streams is known
+    count = len(times)
+    start = times[0]
+    with clip.read_from(count - 1) as again:
+        *_, last = again
+    end = schedule.presentation_time(start, last.time + (last.duration or 1 / source.info.rate))
+    if any(after - time > MAX_FILLED for time, after in pairwise([*times, end])):
+        raise OptionError(f"`loop` shows no frame for minutes, as {name} does; leave it out.")
+    window = clip.window
+    of_clip = clip.whole.frame_times()
+    if window is not None and of_clip is not None and window.skipped + count < len(of_clip):
+        window.end = window.begin + end - start  # the clip goes on, and so does its sound
+    info = replace(source.info, frame_count=count, duration=end - start)
+    total = count_frames(schedule, info, holds_last_frame=True)
+    remarks = list(clip.whole.remarks)
+    video = clip.whole.stream_info.video
+    if keeps_sound and video and "sound" in video.companions:
+        remarks.append(
+            f"{name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
+            "the last one until its end; leave it out with `audio=False`."
+        )
+    seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
+    if len(seam) > 1 and not any(seam):
+        remarks.append(f"{name} holds its last frame, and so does its loop; no frames lead from it to the first.")
+    edit = Edit.whole(times).looped(end - start, LOOP_CONTEXT)
+    before = schedule.output_position(-LOOP_CONTEXT, start, schedule.presentation_time(start, edit.times[0]))
+
+    def position_of(number: int, seconds: Fraction) -> SourcePosition:
+        return positions_of(source)(number % count, seconds % (end - start))
+
+    return (
+        EditedSource(info, remarks, edit, clip.read_from, position_of),
+        OutputRange(stop=total, entry=Entry(-LOOP_CONTEXT, start, math.ceil(before)), end=end),
+    )
