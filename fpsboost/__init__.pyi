@@ -3,6 +3,8 @@
 from .analysis.duplicates import DuplicateDetector as DuplicateDetector
 from .analysis.scene_cuts import CutDetector as CutDetector
 from .analysis.scene_cuts import CutPolicy as CutPolicy
+from .arrays import interpolate_clip as interpolate_clip
+from .arrays import stream as stream
 from .colour import Coding as Coding
 from .contracts import Entry as Entry
 from .contracts import FrameSink as FrameSink
@@ -15,8 +17,6 @@ from .contracts import SourceMoment as SourceMoment
 from .contracts import Summary as Summary
 from .conversion import convert as convert
 from .conversion import convert_job as convert_job
-from .conversion import interpolate_clip as interpolate_clip
-from .conversion import stream as stream
 from .errors import CancelledError as CancelledError
 from .errors import FpsboostError as FpsboostError
 from .errors import InputError as InputError

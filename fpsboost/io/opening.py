@@ -22,7 +22,7 @@ from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource
-from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.sink import VideoPartSink, VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import (
     VIDEO_SUFFIXES,
@@ -315,7 +315,7 @@ class Target:
             raise OptionError(f"`resume` cannot go on with what went into {self._described}; leave it out.")
         if output.part is not None:
             self.check_parts()
-            return ImagePartSink(output) if self.kind == "images" else VideoSink(output)
+            return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)
         with explained(OutputError, "write to", self.path, "check the name and the permissions"):
             return sinks[self.kind](output)
 

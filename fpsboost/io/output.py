@@ -8,15 +8,12 @@ from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import view
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.media import VideoTraits
 
 
 @dataclass(frozen=True)
 class StreamInfo(media.StreamInfo):
     """Everything that a clip has beside its frames, for the sink: of video, images or an animation."""
 
-    colours: VideoTraits = field(default_factory=VideoTraits)
-    """Colour tags of images or an animation, where the output is no images; defaults for video, which has `traits`."""
     images: NumberedImages | None = None
     """Files of the source, whose names and metadata the output can follow; None unless it is images."""
     plays: int = 0

@@ -19,6 +19,8 @@ class StreamInfo:
 
     traits: VideoTraits | None = None
     """Colour coding, pixel shape, rotation and HDR metadata of video; None of images, whose first one decides."""
+    colours: VideoTraits = field(default_factory=VideoTraits)
+    """Colour tags of images or an animation, where the output is no images; defaults for video, which has `traits`."""
     video: VideoFile | None = None
     """File whose other streams and tags can be carried over; None unless the source is a video file."""
     files: Sequence[Path] = ()

@@ -117,7 +117,7 @@ class Writer(StagedSink):
     def start(self, traits: VideoTraits) -> VideoEncoder:
         """Open the encoder for pictures with these traits, unless it is open, and return it.
 
-        Needed before the first `write` of pictures whose source says nothing of them, such as images.
+        Needed before the first `encode` of pictures whose source says nothing of them, such as images.
         """
         if self.encoder is None:
             with self._explained():
@@ -130,10 +130,10 @@ class Writer(StagedSink):
 
     @property
     def is_complete(self) -> bool:
-        """Whether the next picture is in a chunk of an earlier run, so that `write` ignores its pixels."""
+        """Whether the next picture is in a chunk of an earlier run, so that `encode` ignores its pixels."""
         return self._frames_seen < self.completed_frames
 
-    def write(
+    def encode(
         self,
         picture: VideoFrame | None,
         time: Fraction,
@@ -268,7 +268,7 @@ class FileWriter(Writer):
         return [*super().remarks, *(self._assembly.remarks if self._assembly else [])]
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
-        """Take complete chunks of all frames, encoded elsewhere with the same options, instead of calls of `write`.
+        """Take complete chunks of all frames, encoded elsewhere with the same options, instead of calls of `encode`.
 
         `traits` are those that they were encoded with.
         """

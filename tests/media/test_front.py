@@ -30,7 +30,7 @@ def test_pictures_of_another_size_and_format_are_converted(tmp_path):
     with media.open(tmp_path / "in.mp4") as clip, media.create(tmp_path / "out.mp4", like=clip) as writer:
         for number, name in enumerate(("yuv420p", "rgb24", "yuv444p10le")):
             picture = av.VideoFrame(96, 32, name)
-            writer.write(picture, Fraction(number, 10), Fraction(1, 10))
+            writer.encode(picture, Fraction(number, 10), Fraction(1, 10))
     with media.open(tmp_path / "out.mp4") as clip:
         pictures = [(picture.width, picture.format.name, time) for picture, time, _ in clip.pictures()]
     assert pictures == [(clip.info.width, "yuv420p", Fraction(number, 10)) for number in range(3)]
@@ -43,7 +43,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
     with media.open(tmp_path / "in.mp4") as clip:
         first = next(clip.pictures())
         with pytest.raises(TypeError), media.create(tmp_path / "out.mp4", like=clip) as writer:
-            writer.write(*first, "too many")
+            writer.encode(*first, "too many")
         with pytest.raises(OutputError, match="is the input itself"):
             media.create(tmp_path / "in.mp4", like=clip, overwrite=True)
         with pytest.raises(InputError, match="only once"):
@@ -57,7 +57,7 @@ def test_nothing_else_of_the_package_is_loaded(tmp_path):
     write_clip(tmp_path / "in.mp4")
     script = (
         "import sys; from fpsboost import media; clip = media.open(sys.argv[1])\n"
-        "with media.create(sys.argv[2], like=clip) as writer: [writer.write(*each) for each in clip.pictures()]\n"
+        "with media.create(sys.argv[2], like=clip) as writer: [writer.encode(*each) for each in clip.pictures()]\n"
         "print(*sorted(name for name in sys.modules if name.startswith('fpsboost.') and 'media' not in name))"
     )
     command = [sys.executable, "-c", script, str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4")]

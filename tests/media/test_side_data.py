@@ -246,7 +246,7 @@ def test_captions_of_a_copy(tmp_path):
     clip = write_captions(tmp_path / "in.ts")
     with media.open(clip) as source, media.create(tmp_path / "out.mkv", like=source) as writer:
         for timed in source.pictures():
-            writer.write(*timed)
+            writer.encode(*timed)
     before, after = ([captions_of(picture) for picture in pictures_of(path)] for path in (clip, tmp_path / "out.mkv"))
     assert after == before
 

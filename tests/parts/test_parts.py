@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fpsboost import DecodeOptions, Encoding, OutputRate, Position, Trim, VectorFolder, convert, find_method, join
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.sink import VideoPartSink, VideoSink
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
 from fpsboost.run_options import Part, RunOptions, parse_part
 from support.comparison_truth import save_clip
@@ -35,7 +35,8 @@ FRAMES = 54
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut and encode in shorter chunks, so that clips of some chunks are short."""
     monkeypatch.setattr("fpsboost.parts.plan.CHUNK_FRAMES", CHUNK_FRAMES)
-    monkeypatch.setitem(VideoSink.__init__.__kwdefaults__, "chunk_frames", CHUNK_FRAMES)
+    for kind in (VideoSink, VideoPartSink):
+        monkeypatch.setitem(kind.__init__.__kwdefaults__, "chunk_frames", CHUNK_FRAMES)
 
 
 def film(index: int, height: int, width: int) -> NDArray[np.uint8]:

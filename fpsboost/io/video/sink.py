@@ -1,8 +1,6 @@
 """Write a video file: frames become pictures in the coding of its encoder, which a writer of media encodes."""
 
-from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
+from functools import cached_property
 
 import av
 import numpy as np
@@ -11,19 +9,18 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.colour import Coding
 from fpsboost.frame import Frame
 from fpsboost.image import Pixels
-from fpsboost.io.output import Output, check_frame_size
+from fpsboost.io.output import check_frame_size
 from fpsboost.io.video.ycc import as_picture
 from fpsboost.media import (
     BT709,
     BT2020,
     CAPTIONS,
-    CHUNK_FRAMES,
     MASTERING,
-    Chunk,
     FileWriter,
     PartWriter,
     VideoEncoder,
     VideoTraits,
+    Writer,
     depth_of,
     explained_writing,
     has_alpha,
@@ -33,57 +30,24 @@ from fpsboost.media import (
 from fpsboost.memory import return_free_memory
 
 
-class VideoSink:
-    """Sink that encodes frames into a video file, or into a part of one; see `fpsboost.media.writer.Writer`.
+class FrameWriter(Writer):
+    """Writer of frames as a video; see `fpsboost.media.writer.Writer`.
 
     Frames of video stay in the planes of their pictures where the encoder takes these; others are converted from BGR.
-
-    Parameters
-    ----------
-    output : Output
-        Path of the file, size, times and options of the frames to come, and what is known of their source.
-    chunk_frames : int
-        Frames per chunk: what a run that is stopped loses at most.
-
-    Raises
-    ------
-    CompleteAlreadyError
-        The job is to be resumed, and its output exists without an unfinished part.
-    OptionError, OutputError
-        The path cannot be written, exists, is an input, or its container cannot hold the codec or the streams.
     """
 
     holds_last_frame = True
-
-    def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        self._output = output
-        self._remarks = list[str]()
-        self._reformatter = VideoReformatter()
-        self._writer = (FileWriter if output.part is None else PartWriter)(output, chunk_frames=chunk_frames)
+    _lost: tuple[str, ...] = ()
+    """Sentences on what frames have held and the file does not."""
 
     @property
     def remarks(self) -> list[str]:
         """Sentences on what the file does not hold."""
-        return [*self._writer.remarks, *self._remarks]
+        return [*super().remarks, *self._lost]
 
-    @property
-    def details(self) -> str:
-        """Encoder, pixel format and options, for verbose output; empty before the encoder is opened."""
-        return self._writer.details
-
-    @property
-    def completed_frames(self) -> int:
-        """Number of frames, from the first, that an earlier run has finished."""
-        return self._writer.completed_frames
-
-    def __enter__(self) -> Self:
-        self._writer.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._writer.__exit__(kind, error, trace)
+    @cached_property
+    def _reformatter(self) -> VideoReformatter:
+        return VideoReformatter()
 
     def write(self, frame: Frame) -> None:
         """Encode the next frame, unless an earlier run has finished it.
@@ -92,13 +56,12 @@ class VideoSink:
         they do not, if the frame has another size, or if encoding or writing fails.
         """
         output = self._output
-        writer = self._writer
         check_frame_size(frame, output.info, output.path)
-        encoder = writer.encoder or writer.start(traits_of_image(frame.pixels, output.stream.colours))
+        encoder = self.encoder or self.start(traits_of_image(frame.pixels, output.stream.colours))
         self._remark_on(frame, encoder)
-        picture = None if writer.is_complete else self._picture(frame, encoder)
+        picture = None if self.is_complete else self._picture(frame, encoder)
         is_original = picture is not None and picture is frame.original
-        if writer.write(picture, frame.time, frame.duration, is_original=is_original, captions=frame.captions):
+        if self.encode(picture, frame.time, frame.duration, is_original=is_original, captions=frame.captions):
             return_free_memory()  # of the encoder, which lived as long as its packets
 
     def _picture(self, frame: Frame, encoder: VideoEncoder) -> av.VideoFrame:
@@ -110,11 +73,6 @@ class VideoSink:
         )
         with explained_writing(self._output.path):  # decoded pictures are used where the source is video
             return as_picture(frame, coding, self._reformatter, keeps_original=self._output.stream.traits is not None)
-
-    def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
-        """Take complete chunks of all frames instead of calls of `write`; see `FileWriter.join`."""
-        assert isinstance(self._writer, FileWriter)
-        self._writer.join(chunks, traits)
 
     def _remark_on(self, frame: Frame, encoder: VideoEncoder) -> None:
         """Add a remark, once each, on alpha, depth, light and closed captions of a frame that the output lacks."""
@@ -132,7 +90,15 @@ class VideoSink:
             and not encoder.keeps_captions
             and CAPTIONS not in encoder.traits.side_data,  # said of the first frame by the encoder
         }
-        self._remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self._remarks]
+        self._lost += tuple(remark for remark, is_lost in lost.items() if is_lost and remark not in self._lost)
+
+
+class VideoSink(FrameWriter, FileWriter):
+    """Sink of a whole video file; see `fpsboost.media.writer.FileWriter` for its parameters and errors."""
+
+
+class VideoPartSink(FrameWriter, PartWriter):
+    """Sink of a part of a video, in a folder of its own; see `fpsboost.media.writer.PartWriter`."""
 
 
 def traits_of_image(image: Pixels | None, colours: VideoTraits) -> VideoTraits:
