@@ -191,6 +191,10 @@ class OutputRange:
     def __contains__(self, number: int) -> bool:
         return self.first <= number and not self.is_past(number)
 
+    def count(self, total: int) -> int:
+        """Return the number of frames in the range, of `total` that the whole clip gives."""
+        return (total if self.stop is None else self.stop) - self.first
+
     def is_past(self, number: int) -> bool:
         """Return whether an output frame comes after the range."""
         return self.stop is not None and number >= self.stop

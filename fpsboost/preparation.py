@@ -35,7 +35,8 @@ from fpsboost.media import FOREVER, VIDEO_SUFFIXES
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
-from fpsboost.render.folder import VectorFolder, fit_vectors
+from fpsboost.render.fitting import fit_vectors
+from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import Gaps, Trim, format_time

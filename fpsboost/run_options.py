@@ -39,8 +39,19 @@ class Part(Checked):
         >>> Part(3, 8).folder("films/out.mp4").as_posix()
         'films/out.mp4.parts/0003-of-0008'
         """
-        whole = Path(output)
-        return whole.parent / f"{whole.name}.parts" / f"{self.number:04d}-of-{self.count:04d}"
+        return parts_folder(output) / f"{self.number:04d}-of-{self.count:04d}"
+
+
+def parts_folder(output: PathName) -> Path:
+    """Return the folder that holds the parts of an output."""
+    whole = Path(output)
+    return whole.parent / f"{whole.name}.parts"
+
+
+def count_parts(folder: Path) -> int | None:
+    """Return the number of parts of the job whose parts, finished or not, are in a folder; None if there are none."""
+    names = (re.search(r"\d{4}-of-(\d{4})\b", path.name) for path in folder.glob("*"))
+    return max((int(name[1]) for name in names if name), default=None)
 
 
 def parse_part(text: str, option: str = "`chunk`") -> Part:

@@ -70,6 +70,8 @@ class MotionField:
         vectors = np.ascontiguousarray(self.vectors, np.float32)
         similarities = np.asarray(self.similarities)
         height, width = self.size or vectors.shape[:2]
+        if self.spacing < 1:
+            raise OptionError(f"`spacing` is {self.spacing}, and vectors are at least a pixel apart; give 1 or more.")
         points = -(-height // self.spacing), -(-width // self.spacing)
         if vectors.shape != (*points, 2) or similarities.shape not in {points, (1, 1)}:
             raise OptionError(

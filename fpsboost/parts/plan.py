@@ -7,7 +7,6 @@ to read the whole video.
 
 import json
 import math
-import re
 import shutil
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -43,7 +42,7 @@ from fpsboost.media import (
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, Preparation, prepared
 from fpsboost.repair import CERTAIN_AFTER
-from fpsboost.run_options import MAX_PARTS, Part, RunOptions
+from fpsboost.run_options import MAX_PARTS, Part, RunOptions, count_parts, parts_folder
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import MAX_RUN
 from fpsboost.timing.rate import exposed
@@ -97,9 +96,11 @@ def plan_part(ready: Preparation) -> PartPlan:
     folder = run.chunk.folder(ready.target.path)
     total, unit = _measured(ready)
     outputs = outputs_of(run.chunk, total, unit)
-    frames = (total if outputs.stop is None else outputs.stop) - outputs.first
-    # the manifest follows the files, when the loop has run
-    output = OutputPart(folder, outputs.first, frames, lambda folder: manifest_of(plan, ready, folder).write(folder))
+
+    def write_manifest(folder: Path) -> None:  # when its files are complete
+        manifest_of(plan, ready, folder).write(folder)
+
+    output = OutputPart(folder, outputs.first, outputs.count(total), write_manifest)
     plan = PartPlan(run.chunk, outputs, output)
     if not plan.is_empty:
         plan.outputs = enter(ready, outputs)
@@ -214,10 +215,9 @@ def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tup
         Parts cannot be written or joined, or the folder holds parts of another job and `overwrite` is not given.
     """
     with prepared(job, run) as ready:
-        folder = Part(1, 1).folder(ready.target.path).parent
+        folder = parts_folder(ready.target.path)
         _refuse_others(folder, facts_of(ready), overwrite=run.overwrite)
-        names = (re.search(r"\d{4}-of-(\d{4})\b", path.name) for path in folder.glob("*"))
-        planned = _plan_parts(ready, max((int(name[1]) for name in names if name), default=count))
+        planned = _plan_parts(ready, count_parts(folder) or count)
         ready.target.open(replace(ready.output, job=JobFingerprint({}, resume=run.resume)))  # checks the place
         with explained(OutputError, "write to", folder, "check the path and the permissions"):
             folder.mkdir(exist_ok=True)
@@ -246,9 +246,7 @@ def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
     total, unit = _measured(ready)
     count = max(1, min(count, -(-total // unit), MAX_PARTS))
     parts = [Part(number, count) for number in range(1, count + 1)]
-    ranges = [outputs_of(part, total, unit) for part in parts]
-    frames = [(total if outputs.stop is None else outputs.stop) - outputs.first for outputs in ranges]
-    return list(map(PlannedPart, parts, frames))
+    return [PlannedPart(part, outputs_of(part, total, unit).count(total)) for part in parts]
 
 
 def _measured(ready: Preparation) -> tuple[int, int]:
@@ -258,7 +256,7 @@ def _measured(ready: Preparation) -> tuple[int, int]:
     """
     ready.target.check_parts()
     clip = ready.clip
-    times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
+    times = frame_times(clip, parts_folder(ready.target.path))
     info = Edit.whole(times).of_info(clip.source.info) if times else clip.source.info
     total = count_frames(ready.base_schedule, info, ready.target.has_clock)
     check_together(ready.job.rate.names_given() | {"chunk"})

@@ -1,33 +1,27 @@
-"""Motion vectors and depth of a renderer, for every frame of the output, and the convention in which they are stored.
+"""Motion vectors and depth of a renderer, for every frame of the output.
 
 The vectors of a frame lead to the previous and the next output frame; if frames are known by their numbers, from one
 number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Two or four channels in one of the conventions of `fpsboost.render`. Which one is found by fetching
-    frames along the vectors: the right signs, directions and axes make one rendered frame out of the other. All that
-    the channels allow are tried on a few pairs of frames; the usual one of the channels' names is kept unless another
-    is clearly better, so that still or noisy frames decide nothing.
+    Two or four channels in one of the conventions of `fpsboost.render`; `fpsboost.render.fitting` finds out in which.
 ``.flo``
     ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from functools import lru_cache
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
-from typing import NamedTuple, Self, get_args
+from typing import Self
 
-import cv2
 import numpy as np
 
-from fpsboost.colour import normalised
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.image import Image, Pixels
+from fpsboost.image import Pixels
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.io.images.sequence import (
     NumberedImages,
@@ -40,7 +34,7 @@ from fpsboost.io.images.sequence import (
 from fpsboost.io.side.flow import BACKWARD, FORWARD, read_flow
 from fpsboost.motion.rendered import FrameVectors
 from fpsboost.options import checked
-from fpsboost.render import ConventionName, Direction, StoredVectors, VectorConvention, conventions
+from fpsboost.render import ConventionName, VectorConvention, conventions
 
 CACHED_FRAMES = 4
 """Number of frames whose vectors are kept in memory: the two frames of a pair, and two between them."""
@@ -74,7 +68,7 @@ class VectorFolder:
     Attributes
     ----------
     convention : VectorConvention or None
-        The convention; None as long as only the names of the channels suggest one, see `fit_vectors`.
+        The convention; None as long as only the names of the channels suggest one, see `fpsboost.render.fitting`.
     step : int
         Number of vectors from one output frame to the next: the difference of their numbers, or 1.
     files : list of Path
@@ -359,129 +353,3 @@ def _find_layer(names: Collection[str]) -> str | None:
         return ""
     choices = [prefix for prefix in whole if prefix.split(".")[-2] == "Vector"] or whole
     return choices[0] if len(choices) == 1 else None
-
-
-CLEARLY_BETTER = 0.8  # ratio of the errors of two conventions below which one is clearly better
-MIN_SHARE_INSIDE = 0.5  # minimum share of the pixels whose motion ends within the frame
-LARGEST_COLOUR = 4  # colours are clipped at this multiple of their mean, so that highlights do not decide alone
-
-
-class RenderedPair(NamedTuple):
-    """Two rendered frames and the stored vectors of both."""
-
-    image0: Image
-    image1: Image
-    channels0: np.ndarray
-    """Vectors of the first frame as stored, (H, W, 2 or 4) float32."""
-    channels1: np.ndarray
-    """Vectors of the second frame as stored."""
-    distance: int
-    """Number of vectors from one frame to the other."""
-
-
-class VectorFit(NamedTuple):
-    """Convention of motion vectors, and how well they fit the frames."""
-
-    convention: VectorConvention
-    """The convention that fits best."""
-    error: float
-    """Mean squared difference between each frame and the other one fetched along the vectors, in squared mean
-    colours."""
-    still_error: float
-    """The same without motion, for comparison."""
-
-
-def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], tuple[int, Image]]]) -> VectorFolder:
-    """Return the vectors under the convention that connects the frames, with remarks where it is not the usual one.
-
-    Parameters
-    ----------
-    folder : VectorFolder
-        Returned as it is if its convention was given, or if it holds ``.flo`` files.
-    frames : iterable of two (int, image)
-        Pairs of rendered frames with their numbers, counted like output frames.
-    """
-    if folder.convention is not None or folder.is_flow:
-        return folder
-    pairs = []
-    usual = None
-    for (number0, image0), (number1, image1) in frames:
-        channels0, usual = folder.channels_at(number0)
-        channels1, _ = folder.channels_at(number1)
-        folder.check_size(channels0, image0)
-        folder.check_size(channels1, image1)
-        pairs.append(RenderedPair(image0, image1, channels0, channels1, (number1 - number0) * folder.step))
-    if usual is None:
-        return folder
-    fit = fit_convention(pairs, usual)
-    fitted = copy(folder)
-    fitted.convention = fit.convention
-    fitted.remarks = list(folder.remarks)
-    if fit.convention != usual:
-        fitted.remarks.append(
-            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels "
-            "suggest otherwise; `vector_convention` overrides this."
-        )
-    if fit.error > fit.still_error:
-        fitted.remarks.append(
-            f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they "
-            "are in pixels per frame, and of these frames."
-        )
-    return fitted
-
-
-def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> VectorFit:
-    """Find the convention under which vectors connect the frames; the names of channels suggest the `usual` one.
-
-    All directions and signs that the channels allow are compared by the mean squared difference between each frame and
-    the other one fetched along the vectors. Of those that fit about as well as the best, the one nearest to `usual` is
-    taken.
-    """
-    errors = defaultdict[tuple[int, StoredVectors], float](float)
-    still = 0.0
-    count = len(usual.pairs)
-    meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]
-    for pair in pairs:
-        ends = _comparable(pair.image0), _comparable(pair.image1)
-        still += float(((ends[0] - ends[1]) ** 2).mean())
-        for number, meaning in product(range(count), meanings):
-            from_first = meaning.direction == "forward"
-            here, there = ends if from_first else ends[::-1]
-            channels = (pair.channels0 if from_first else pair.channels1)[..., 2 * number : 2 * number + 2]
-            errors[number, meaning] += _fetch_error(here, there, meaning.read(channels) * np.float32(pair.distance))
-
-    def error_of(chosen: tuple[StoredVectors, ...]) -> float:
-        return sum(errors[meaning] for meaning in enumerate(chosen)) / count
-
-    def changes(chosen: tuple[StoredVectors, ...]) -> int:
-        return int((np.array(chosen) != np.array(usual.pairs)).sum())
-
-    # no two pairs of channels lead to the same frame
-    choices = [each for each in product(meanings, repeat=count) if len({pair.direction for pair in each}) == count]
-    best = min(map(error_of, choices))
-    # of those that fit about as well as the best one, the most similar to the usual one
-    as_good = [chosen for chosen in choices if CLEARLY_BETTER * error_of(chosen) <= best]
-    chosen = min(as_good, key=lambda chosen: (changes(chosen), error_of(chosen)))
-    return VectorFit(VectorConvention(chosen), error_of(chosen), still)
-
-
-def _comparable(image: Image) -> np.ndarray:
-    """Return the colours of an image in units of their mean, (H, W, C) float32."""
-    colours = normalised(image)
-    return np.asarray((colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR))
-
-
-def _fetch_error(here: np.ndarray, there: np.ndarray, motion: np.ndarray) -> float:
-    """Return the mean squared difference between a frame and the other one fetched along the motion.
-
-    Pixels whose motion leaves the frame are left out; if most do, the error is that without motion.
-    """
-    height, width = motion.shape[:2]
-    rows, columns = np.mgrid[:height, :width].astype(np.float32)
-    x = columns + motion[..., 0]
-    y = rows + motion[..., 1]
-    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-    if inside.mean() < MIN_SHARE_INSIDE:
-        return float(((there - here) ** 2).mean())
-    fetched = cv2.remap(there, x, y, cv2.INTER_LINEAR).reshape(here.shape)
-    return float(((fetched - here)[inside] ** 2).mean())

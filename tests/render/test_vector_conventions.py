@@ -9,7 +9,8 @@ import pytest
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.render import StoredVectors, VectorConvention, conventions
-from fpsboost.render.folder import RenderedPair, VectorFolder, find_vector_channels, fit_convention, fit_vectors
+from fpsboost.render.fitting import RenderedPair, fit_convention, fit_vectors
+from fpsboost.render.folder import VectorFolder, find_vector_channels
 from support.exr_truth import write_exr
 from support.truth import waves
 from support.vector_truth import constant, save_flows, save_translation
