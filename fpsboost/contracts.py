@@ -139,18 +139,6 @@ class HasDetails(Protocol):
 
 
 @runtime_checkable
-class HasCompletedFrames(Protocol):
-    """Contract: sink that can go on where an earlier run of the same job was stopped.
-
-    The frames that it has are passed to `write` again in order, but their pixels are ignored.
-    """
-
-    @property
-    def completed_frames(self) -> int:
-        """Number of frames, from the first, that are finished; known when the sink is entered."""
-
-
-@runtime_checkable
 class Cancellable(Protocol):
     """Contract: source or sink that waits for another program, possibly forever."""
 
@@ -181,7 +169,7 @@ class OutputRange:
     stop: int | None = None
     """Number of the first frame after the range; None if there is none."""
     skip: int = 0
-    """Number of frames, from the first, that the sink has already; see `HasCompletedFrames`. They are
+    """Number of frames, from the first, that the sink has already; see `fpsboost.media.StagedSink`. They are
     counted and passed on in order, but instead of an interpolated image they carry one of the source."""
     entry: Entry | None = None
     """Where reading begins, early enough for the first frame; None for the start of the clip."""

@@ -8,7 +8,6 @@ from typing import Any
 from fpsboost import __version__
 from fpsboost.contracts import (
     FrameSource,
-    HasCompletedFrames,
     OutputRange,
     Summary,
 )
@@ -21,7 +20,7 @@ from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.masks import Mask
-from fpsboost.media import JobFingerprint, pyav_version
+from fpsboost.media import JobFingerprint, StagedSink, pyav_version
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, checked, names_in, with_options
 from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
@@ -120,15 +119,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     with prepared(job, run) as ready:
         clip = ready.clip
         images = clip.whole.stream_info.images
-        fingerprint = fingerprint_job(
-            clip.whole,
-            resume=run.resume,
-            rate=job.rate,
-            method=job.method,
-            decoding=job.decoding,
-            encoding=job.encoding,
-            in_place=run.in_place,
-        )
+        fingerprint = fingerprint_job(job, run, clip.whole)
         part = None if run.chunk is None else plan_part(ready)
         output = replace(ready.output, job=fingerprint, part=None if part is None else part.output)
         main = ready.target.open(output)
@@ -149,7 +140,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         with sink:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
-            there = sink.completed_frames if isinstance(sink, HasCompletedFrames) else 0
+            there = sink.completed_frames if isinstance(sink, StagedSink) else 0
             if part is not None and part.is_empty:
                 summary = Summary()
             else:
@@ -177,18 +168,22 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     return summary
 
 
-def fingerprint_job(source: DescribedSource, *, resume: bool, **options: Any) -> JobFingerprint | None:
+def fingerprint_job(job: ConversionJob, run: RunOptions, source: DescribedSource) -> JobFingerprint | None:
     """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
 
-    `options` are all that shape the output; to `resume` from a pipe raises `OptionError`.
+    To resume from such a source raises `OptionError`.
     """
     files = source.stream_info.files
     if not files:
-        if resume:
+        if run.resume:
             raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
         return None
     with explained(InputError, "read", source.info.name, "check that it is still there"):
-        place = str(Path(source.info.name).absolute())
-        versions = f"{__version__} with PyAV {pyav_version()}"  # another FFmpeg may encode differently
-        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), fpsboost=versions, **options)
-    return JobFingerprint(facts, resume)
+        facts = fingerprint_options(
+            input=str(Path(source.info.name).absolute()),
+            input_files=fingerprint_files(files),
+            fpsboost=f"{__version__} with PyAV {pyav_version()}",  # another FFmpeg may encode differently
+            **{name: value for name, value in vars(job).items() if name not in ("input", "output")},
+            in_place=run.in_place,
+        )
+    return JobFingerprint(facts, run.resume)

@@ -26,7 +26,8 @@ from fpsboost import (
     run_conversion,
 )
 from fpsboost.analysis.duplicates import SourceFrame
-from fpsboost.parts.plan import REPLACED_BEFORE, find_entry
+from fpsboost.parts.entry import find_entry
+from fpsboost.parts.plan import REPLACED_BEFORE
 from fpsboost.probing import probe
 from fpsboost.repair import find_damaged
 from support.conversion_options import grouped

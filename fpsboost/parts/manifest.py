@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -83,7 +83,8 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, as JSON."""
-        write_safely(folder / MANIFEST_NAME, json.dumps({"format": FORMAT, **as_json(self)}, indent=1).encode())
+        data = json.dumps({"format": FORMAT, **asdict(self)}, indent=1, default=_plain)
+        write_safely(folder / MANIFEST_NAME, data.encode())
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -210,15 +211,9 @@ def job_facts(job: ConversionJob) -> dict[str, str]:
         return facts_of(ready)
 
 
-def as_json(value: Any) -> Any:
-    """Return a value as plain data for JSON: objects for dataclasses, text for fractions, lists for sets and tuples."""
-    if is_dataclass(value):
-        return {field.name: as_json(getattr(value, field.name)) for field in fields(value) if field.init}
-    if isinstance(value, Fraction):
-        return str(value)
-    if isinstance(value, dict):
-        return {str(key): as_json(each) for key, each in value.items()}
-    return [as_json(each) for each in value] if isinstance(value, (list, tuple, set)) else value
+def _plain(value: Any) -> Any:
+    """Return a value that JSON lacks as one that it has: text for fractions and paths, a list for a set."""
+    return list(value) if isinstance(value, set) else str(value)
 
 
 concrete_types: Mapping[Any, dict[str, Any]] = {Window: {"curve": TimeMap | None}}
@@ -226,7 +221,7 @@ concrete_types: Mapping[Any, dict[str, Any]] = {Window: {"curve": TimeMap | None
 
 
 def from_json(kind: Any, value: Any) -> Any:
-    """Return the object of a type that `as_json` has stored.
+    """Return the object of a type that a manifest has stored.
 
     The type is a dataclass, Fraction, str, int, float, bool, a list, set, tuple or dict of these, or a union of one
     with None, in which further types are those that an option may be given as. Raises `KeyError`, `TypeError` or
@@ -235,8 +230,6 @@ def from_json(kind: Any, value: Any) -> Any:
     Examples
     --------
     >>> from fpsboost import Position
-    >>> as_json(Position(Fraction(181, 2)))
-    {'value': '181/2', 'is_frame': False}
     >>> from_json(Position, {"value": "181/2", "is_frame": False})
     Position(value=Fraction(181, 2), is_frame=False)
     """

@@ -52,8 +52,10 @@ def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequ
     )
     made: Any = synthesizer.synthesize(frame_pair, times)
     images = iter(made if isinstance(made, Iterable) else ())
-    for _ in times:
-        image = next(images, None)
+    for number in range(len(times)):
+        image = next(images, images)
+        if image is images:
+            raise OptionError(f"{told}; it has yielded {number} for {len(times)} times.")
         if not isinstance(image, np.ndarray | ImageView):
             raise OptionError(f"{told}, not {type(image).__name__}.")
         if (image.shape, image.dtype, view(image).coding) != (frame.shape, frame.dtype, view(frame).coding):

@@ -19,12 +19,12 @@ import fpsboost
 from fpsboost import (
     ByFactor,
     ClipInfo,
-    DecodeOptions,
     Encoding,
     Frame,
     Interpolator,
     Mask,
     OutputRate,
+    RunOptions,
     VectorFolder,
     convert,
     find_method,
@@ -32,6 +32,7 @@ from fpsboost import (
     run_conversion,
 )
 from fpsboost.contracts import ClosesOnExit, OutputRange, SilentObserver, Summary
+from fpsboost.conversion import fingerprint_job
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
@@ -43,6 +44,7 @@ from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.media.locks import lock_file
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.parts.manifest import fingerprint_options
+from fpsboost.preparation import ConversionJob
 from fpsboost.synthesis.blend import Blend
 from support.conversion_options import output_of
 from support.video_truth import packets_of, pictures_of, samples_of, scene, write_clip
@@ -589,21 +591,16 @@ def test_another_input_is_refused(fpsboost_, tmp_path, monkeypatch):
     assert "out.mp4 was begun with input files that have changed since; give the same" in result.err
 
 
-def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
+def test_every_option_belongs_to_the_job(tmp_path):
     """Whatever `convert` is told is part of the job, but for how it is run."""
-    noted: dict[str, object] = {}
-
-    def note(_: object, *, resume: bool, **options: object) -> None:
-        noted.update(options)
-        raise StoppedError
-
-    monkeypatch.setattr("fpsboost.conversion.fingerprint_job", note)
-    with pytest.raises(StoppedError):
-        convert(str(write_clip(tmp_path / "in.mp4")), str(tmp_path / "out.mp4"), factor=3)
-    shaping = {"rate": OutputRate(3), "method": methods["nlm"], "decoding": DecodeOptions(), "encoding": Encoding()}
-    assert noted == {**shaping, "in_place": False}
+    clip = write_clip(tmp_path / "in.mp4")
+    job = ConversionJob(clip, tmp_path / "out.mp4", OutputRate(3), methods["nlm"])
+    with VideoSource(clip) as source:
+        facts = fingerprint_job(job, RunOptions(), source).facts
+    assert (facts["rate.factor"], facts["in_place"]) == ("3", "False")
     arguments = set(convert.__annotations__) - {"return"}
-    assert set(noted) == arguments - {"input", "output", "options", "run"} | {"in_place"}
+    noted = {name.partition(".")[0] for name in facts}
+    assert noted == arguments - {"output", "options", "run"} | {"in_place", "input_files", "fpsboost"}
 
 
 @pytest.mark.parametrize(

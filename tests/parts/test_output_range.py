@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost import CutDetector, Frame, FrameCache, Interpolator, OutputRange, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
-from fpsboost.parts.plan import find_entry
+from fpsboost.parts.entry import find_entry
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter
 from support.memory_frames import FakeSink, FakeSource
 from support.truth import frozen
