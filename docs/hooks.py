@@ -98,7 +98,7 @@ def conflicts() -> str:
         exception = f", unless with {listed(unless)}" if unless else ""
         lines.append(f"| {listed(options)} | {listed(others)}{exception} | {with_flags(reason)}{way} |")
     lines += ["", "| option | only with |", "|---|---|"]
-    return "\n".join(lines + [f"| {listed(need.option)} | {listed(need.others)} |" for need in NEEDS])
+    return "\n".join(lines + [f"| {listed(option)} | {listed(others)} |" for option, others in NEEDS.items()])
 
 
 def listed(names: str) -> str:

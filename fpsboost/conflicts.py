@@ -29,14 +29,6 @@ class Conflict(NamedTuple):
     """Option with which they can be combined after all."""
 
 
-class Need(NamedTuple):
-    """An option, and others of which it needs one."""
-
-    option: str
-    others: str
-    """Names with commas between."""
-
-
 CONFLICTS = (
     Conflict("factor", "fps, to_fps", "both set the output rate", unless="slow_motion"),
     Conflict("fps_num", "factor_num, factor_den", "both set the output rate"),
@@ -103,16 +95,16 @@ CONFLICTS = (
 )
 """Options that cannot be combined."""
 
-NEEDS = (
-    Need("slow_motion_sound", "slow_motion, retime, speed"),
-    Need("shutter_samples", "shutter"),
-    Need("below", "uncertain"),
-    Need("mask_as", "mask"),
-    Need("depth", "vectors"),
-    Need("vector_convention", "vectors"),
-    Need("fps_den", "fps_num"),
-)
-"""Options that mean nothing without another."""
+NEEDS = {
+    "slow_motion_sound": "slow_motion, retime, speed",
+    "shutter_samples": "shutter",
+    "below": "uncertain",
+    "mask_as": "mask",
+    "depth": "vectors",
+    "vector_convention": "vectors",
+    "fps_den": "fps_num",
+}
+"""Options that mean nothing without another, and those of which each needs one."""
 
 
 def check_together(given: set[str]) -> None:
@@ -132,10 +124,12 @@ def check_together(given: set[str]) -> None:
             if given.issuperset(pair) and conflict.unless not in given:
                 both = " and ".join(map(in_sentence, pair))
                 raise OptionError(f"{both} cannot be combined: {conflict.reason}; {conflict.advice}.")
-    for need in NEEDS:
-        if need.option in given and given.isdisjoint(names_in(need.others)):
-            others = " or ".join(map(in_sentence, names_in(need.others)))
-            raise OptionError(f"`{need.option}` needs {others}; give that too, or leave it out.")
+    for option, others in NEEDS.items():
+        names = names_in(others)
+        if option in given and given.isdisjoint(names):
+            raise OptionError(
+                f"`{option}` needs {' or '.join(map(in_sentence, names))}; give that too, or leave it out."
+            )
 
 
 def names_in(text: str) -> list[str]:

@@ -38,8 +38,8 @@ class TrimmedSource(ClosesOnExit):
     """Source of the frames that lie in a part of another source, not read yet; the first one has time 0.
 
     With `may_skip`, it seeks to the start if the source can; otherwise every frame before it is read and counted.
-    `window` is filled in while frames are read, with `curve`; the frames keep their intervals. Iterating raises
-    `InputError` if the clip ends before the part begins.
+    `window` is filled in while frames are read, with `curve`; the frames keep their intervals. Raises `InputError` if
+    the clip ends before the part begins, by its header or else when it is iterated.
     """
 
     def __init__(
@@ -58,6 +58,8 @@ class TrimmedSource(ClosesOnExit):
         self._begun = False
         self._own_remarks: list[str] = []
         self._ended = f"{source.info.name} has ended where `start={trim.start}` would be; name an earlier one."
+        if source.info.duration is not None and begin >= source.info.duration:
+            raise InputError(self._ended)
         self.window = Window(origin + begin, None if by_frames else planned_end, planned_end, origin, curve=curve)
 
     @property

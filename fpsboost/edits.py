@@ -124,9 +124,7 @@ def with_gaps(clip: OpenedClip, gaps: Gaps) -> OpenedClip:
             f"`gaps` needs a constant rate and a file that says when each frame is shown, unlike {info.name}; convert "
             "it with `factor=1` first."
         )
-    last = len(times) - 1
-    for late in gaps.behind(last - 1, times[-1] - times[0]):
-        raise OptionError(f"`gaps` has {late}, and the last frame of {info.name} is {last}; name earlier ones.")
+    gaps.check("gaps", replace(info, frame_count=len(times), duration=times[-1] - times[0]))
     found = find_gaps(FrameCache(frame.image) for frame in clip.source) if gaps.detect else {}
     missing = [
         gaps.times_listed(number, begin - times[0], end - times[0]) or found.get(number, 0)

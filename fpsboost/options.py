@@ -11,7 +11,7 @@ import math
 import os
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial, wraps
 from inspect import signature
@@ -69,6 +69,10 @@ class Option:
     parse: Callable[[Any, str], Any] | None = None
     """Reads the value from its text, or its texts if it is repeatable, and its name; by default the type does."""
 
+    def flag_of(self, field: str) -> str:
+        """Return the flag, with dashes, of the option that is a field of this name."""
+        return "--" + (self.flag or field.replace("_", "-"))
+
 
 def option(default: Any, help: str, **properties: Any) -> Any:
     """Return a dataclass field with a default that is also an `Option`, which has these properties."""
@@ -87,7 +91,7 @@ class Flag:
     @property
     def name(self) -> str:
         """Name on the command line, with dashes."""
-        return "--" + (self.option.flag or self.field.replace("_", "-"))
+        return self.option.flag_of(self.field)
 
     def value(self, given: Any) -> Any:
         """Return the field's value for what was given on the command line."""
@@ -135,16 +139,21 @@ def words_of_options(*options: Any) -> list[str]:
 
 def given_in(options: Any) -> Iterator[tuple[str, object]]:
     """Yield the options that differ from their defaults, by their flags, with values as they are written."""
-    names = {flag.field: flag.name for flag in flags_of(type(options))}
+    for each, value in given_fields(options):
+        text = ",".join(map(str, value)) if isinstance(value, tuple) else value
+        is_switch = isinstance(value, bool)  # also where it drops something: --no-audio
+        flag = each.metadata["option"].flag_of(each.name)
+        yield flag, is_switch or (value.as_option() if hasattr(value, "as_option") else text)
+
+
+def given_fields(options: Any) -> Iterator[tuple[Field[Any], Any]]:
+    """Yield the fields of options that differ from their defaults, those of nested ones in their place, with values."""
     for each in fields(options):
         value = getattr(options, each.name)
-        if is_dataclass(each.default):
-            yield from given_in(value)
-        elif each.name in names and value != each.default:
-            if isinstance(value, tuple):
-                value = ",".join(map(str, value))
-            is_switch = isinstance(value, bool)  # also where it drops something: --no-audio
-            yield names[each.name], is_switch or (value.as_option() if hasattr(value, "as_option") else value)
+        if isinstance(value, Checked) and "option" not in each.metadata:
+            yield from given_fields(value)
+        elif "option" in each.metadata and value != each.default:
+            yield each, value
 
 
 def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
@@ -215,14 +224,7 @@ class Checked:
 
         Texts and switches are named with their values, too: ``audio=False``. See `fpsboost.conflicts`.
         """
-        names = set[str]()
-        for each in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, each.name)
-            if "option" in each.metadata:
-                names |= {each.name, f"{each.name}={value!r}"} if value != each.default else set()
-            elif isinstance(value, Checked):
-                names |= value.names_given()
-        return names
+        return {name for each, value in given_fields(self) for name in (each.name, f"{each.name}={value!r}")}
 
 
 class Range(NamedTuple):

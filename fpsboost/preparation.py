@@ -39,7 +39,7 @@ from fpsboost.render.fitting import fit_vectors
 from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.edit import Edit
-from fpsboost.timing.position import Gaps, Trim, format_time
+from fpsboost.timing.position import Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
 from fpsboost.timing.time_map import TimeMap
@@ -67,6 +67,10 @@ class ConversionJob(Checked):
     method: Interpolator
     decoding: DecodeOptions = DecodeOptions()
     encoding: Encoding = field(default_factory=Encoding)
+
+    def names_given(self) -> set[str]:
+        """Return the names of all options that are given; see `fpsboost.conflicts`."""
+        return super().names_given() | self.method.names_given()
 
     def of_part(self, trim: Trim) -> ConversionJob:
         """Return the same conversion of a part of the clip, which is no loop by itself."""
@@ -100,7 +104,7 @@ def _edited(clip: OpenedClip, job: ConversionJob) -> OpenedClip:
         return played_backwards(clip, clip.curve)
     if job.rate.duplicates == "drop":
         return without_repeats(clip, job.method.duplicates or DuplicateDetector())
-    return with_gaps(clip, job.rate.gaps) if isinstance(job.rate.gaps, Gaps) else clip
+    return clip if job.rate.gaps is None else with_gaps(clip, job.rate.gaps)
 
 
 @contextmanager
@@ -178,8 +182,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     interpolator = job.method
     info = clip.source.info
     stream = clip.whole.stream_info
-    if rate.replacement is not None:
-        rate.replacement.check(clip.whole.info)
+    if rate.replace is not None:
+        rate.replace.check("replace", clip.whole.info)
     encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.clip_curve, target.path)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     most = target.highest_rate
@@ -196,8 +200,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     # an image that repeats another is none that is missing
     if rate.fill_gaps or keeps_numbers or rate.keeps_frames or rate.duplicates != "interpolate":
         interpolator = replace(interpolator, duplicates=None)
-    if rate.replacement is not None:
-        interpolator = replace(interpolator, duplicates=None, replacement=rate.replacement)
+    if rate.replace is not None:
+        interpolator = replace(interpolator, duplicates=None, replacement=rate.replace)
     if interpolator.mask is not None:
         # videos come upright where the output is no video
         matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
@@ -240,12 +244,11 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
     first = images.files[0].name
     names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
     given = interpolator.names_given() | rate.names_given()
-    for option in ("at_cuts='extrapolate'", "match_grain", "mask", "shutter", "uncertain"):
-        if option in given:
-            raise OptionError(
-                f"`{option}` changes the picture alone, and {first} has layers ({names}); leave it out, or give "
-                "`passes='beauty'`."
-            )
+    for option in sorted(given & {"at_cuts='extrapolate'", "match_grain", "mask", "shutter", "uncertain"}):
+        raise OptionError(
+            f"`{option}` changes the picture alone, and {first} has layers ({names}); leave it out, or give "
+            "`passes='beauty'`."
+        )
     raise OptionError(
         f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
         "blend or nearest, or give `passes='beauty'` for the picture alone."

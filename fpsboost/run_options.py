@@ -99,7 +99,7 @@ class RunOptions(Checked):
     Raises
     ------
     OptionError
-        Side outputs are asked for of a part, or of a run that is to be resumed; or `chunk` and `in_place` are given.
+        Options cannot be combined; see `fpsboost.conflicts`.
     """
 
     overwrite: bool = option(False, "Replace an existing output.", short="y")

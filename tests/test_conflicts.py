@@ -25,7 +25,7 @@ VAPOURSYNTH = {"fps_num", "fps_den", "factor_num", "factor_den"}
 def test_pairs_are_refused(pair, advice):
     """In one sentence that names both and says what to do."""
     with pytest.raises(OptionError) as refused:
-        check_together({*pair, *chain.from_iterable(names_in(each.others) for each in NEEDS if each.option in pair)})
+        check_together({*pair, *chain.from_iterable(names_in(NEEDS[name]) for name in pair if name in NEEDS)})
     text = str(refused.value)
     assert re.fullmatch(rf"`.* and .* cannot be combined: .*; {advice}\.", text)
     assert all(name.strip("`") in text for name in pair)
@@ -37,19 +37,19 @@ def test_a_pair_has_one_reason():
     assert len(pairs) == len(set(pairs))
 
 
-@pytest.mark.parametrize("need", NEEDS, ids=lambda each: each.option)
-def test_options_that_need_another(need):
+@pytest.mark.parametrize(("option", "others"), NEEDS.items())
+def test_options_that_need_another(option, others):
     """Refused alone, and taken with any that they need."""
-    with pytest.raises(OptionError, match=f"`{need.option}` needs `{names_in(need.others)[0]}`"):
-        check_together({need.option})
-    for other in names_in(need.others):
-        check_together({need.option, other})
+    with pytest.raises(OptionError, match=f"`{option}` needs `{names_in(others)[0]}`"):
+        check_together({option})
+    for other in names_in(others):
+        check_together({option, other})
 
 
 def test_all_names_are_options():
     """Fields of options, parameters, or one of the uses that have no option."""
     fields = {flag.field for cls in option_classes for flag in flags_of(cls)}
     entries = [*chain.from_iterable((each.options, each.others, each.unless) for each in CONFLICTS)]
-    entries += chain.from_iterable(NEEDS)
+    entries += chain.from_iterable(NEEDS.items())
     names = {name.partition("=")[0] for name in chain.from_iterable(map(names_in, filter(None, entries)))}
     assert names <= fields | USES | VAPOURSYNTH | signature(interpolate_clip).parameters.keys()

@@ -209,8 +209,11 @@ def test_good_images_are_passed_on(tmp_path, save_images):
     summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), **options(replace="2-3"))
     same = [path.read_bytes() == (tmp_path / "out" / path.name).read_bytes() for path in (tmp_path / "in").iterdir()]
     assert (sum(same), summary.replaced) == (5, [2, 3])
-    Replacement(detect=True).check(replace(FakeSource(frames_at([0])).info, frame_count=1))  # it names none
-    with pytest.raises(OptionError, match=r"`replace` has frame 6, and .* ends with frame 6"):
+    Replacement(detect=True).check("replace", replace(FakeSource(frames_at([0])).info, frame_count=1))  # it names none
+    with pytest.raises(OptionError, match=r"`replace` has 6, and the last frame of .* is 6; name"):
         convert(str(tmp_path / "in"), str(tmp_path / "late"), **options(replace="6"))
+    info = replace(FakeSource(frames_at([0])).info, frame_count=7, duration=Fraction(7, 25))
+    with pytest.raises(OptionError, match=r"`replace` has 2\.0, and the last frame of .* is 6; name"):
+        Replacement.parse("2s").check("replace", info)
     with pytest.raises(OptionError, match="`fill_gaps` and `replace` cannot be combined"):
         OutputRate(fill_gaps=True, replace="3")

@@ -17,6 +17,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.media import FOREVER
 from fpsboost.options import Checked, PathName, checked, option
 from fpsboost.timing.schedule import parse_number
 
@@ -276,12 +277,23 @@ class FrameList(Checked):
         )
 
     def behind(self, number: int, end: Fraction) -> list[str]:
-        """Return the ranges, as text, that lie after a frame: after the last one, those that the clip does not have."""
+        """Return the ranges, as text, that end after a frame: after the last one, those that the clip does not have."""
         return [
             FrameList((each,)).as_option()
             for each in dict.fromkeys(self.ranges)
-            if not each[0].is_reached(number, end - TIME_TOLERANCE)
+            if not each[1].is_reached(number, end - TIME_TOLERANCE)
         ]
+
+    def check(self, option: str, info: ClipInfo) -> None:
+        """Raise `OptionError`, which names the list by `option`, for a clip's last frame, and for what is behind it.
+
+        Nothing is known of them if the header has no number of frames, and not of times if it has no duration.
+        """
+        if info.frame_count is None:
+            return
+        last = info.frame_count - 1
+        for late in self.behind(last - 1, info.duration or FOREVER):
+            raise OptionError(f"`{option}` has {late}, and the last frame of {info.name} is {last}; name earlier ones.")
 
 
 @dataclass(frozen=True)
@@ -315,15 +327,6 @@ class Replacement(FrameList):
                 raise OptionError("`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.")
             if first.is_frame and last.is_frame and count > MAX_RUN:
                 raise OptionError(f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.")
-
-    def check(self, info: ClipInfo) -> None:
-        """Raise `OptionError` for the clip's last frame and later ones, if its header has the number of frames."""
-        latest = max((last.value for _, last in self.ranges if last.is_frame), default=Fraction(-1))
-        if info.frame_count is not None and latest >= info.frame_count - 1:
-            raise OptionError(
-                f"`replace` has frame {latest}, and {info.name} ends with frame {info.frame_count - 1}, which has no "
-                "good one after it; name earlier ones."
-            )
 
 
 @dataclass(frozen=True)

@@ -116,14 +116,14 @@ class OutputRate(Checked):
     speed: str | None = option(None, "Speed of parts of the input: 0.25@60s-1:05.", metavar="SPEEDS")
     loop: bool = option(False, "Make a loop: the last frame leads to the first.")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
-    replace: Replacement | PathName | None = option(
+    replace: Replacement | None = option(
         None,
         "Damaged frames: 120-123,1:02.5,62s, FILE or auto.",
         metavar="FRAMES",
         group="Input",
         parse=Replacement.parse,
     )
-    gaps: Gaps | PathName | None = option(
+    gaps: Gaps | None = option(
         None,
         "Frames before missing ones: 120,340x2, FILE, auto.",
         metavar="FRAMES",
@@ -139,11 +139,6 @@ class OutputRate(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         _ = self.exposure  # raises an error for a wrong number of samples
-
-    @property
-    def replacement(self) -> Replacement | None:
-        """Frames to replace; None if all stay."""
-        return self.replace if isinstance(self.replace, Replacement) else None
 
     @property
     def exposure(self) -> Shutter | None:
@@ -192,13 +187,8 @@ class OutputRate(Checked):
     @property
     def keeps_frames(self) -> bool:
         """Whether the output has exactly the source's frames, of which some are replaced, left out or added."""
-        has_speed = self.slow_motion or self.retimes
-        return (
-            (self.replace is not None or self.gaps is not None or self.duplicates == "drop")
-            and self.factor is None
-            and self.fps is None
-            and not has_speed
-        )
+        edits = self.replace is not None or self.gaps is not None or self.duplicates == "drop"
+        return edits and self.factor is None and self.fps is None and not self.slow_motion and not self.retimes
 
     @property
     def follows_source(self) -> bool:

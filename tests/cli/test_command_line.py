@@ -592,7 +592,9 @@ def test_what_needs_no_work_is_light(tmp_path, arguments):
 def test_usage_is_explained(fpsboost_, tmp_path):
     """A value that begins with a dash, and one where there is none to give."""
     for words, said in {
-        "in.mp4 --speed -1@1-2": "--speed needs a value; write one that begins with a dash as --speed=-1.",
+        "in.mp4 --start -1s": "--start '-1s' is not a position in a clip; write seconds",
+        "plan in/ out/ --budget -5%": "--budget must be a share of the pixels",
+        "in.mp4 --retime -x": "--retime needs a value; write one that begins with a dash as --retime=-1.",
         "--help=foo": "--help takes no value; write it alone.",
         "probe --help=foo": "--help takes no value; write it alone.",
     }.items():

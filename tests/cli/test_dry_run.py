@@ -57,6 +57,7 @@ def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
     curve = fpsboost_("in.mkv", "--retime", "0=0 0.2s=0.2s 0.4s=0 x0.5", "--dry-run", *CHEAP)
     assert rows(curve.out)["makes"].startswith("in-retimed.mkv, 30 frames at 25 fps, 0:01.200")
     assert_refused(fpsboost_("in.mp4", "in.mp4", "--dry-run"), 1, "in.mp4 is the input itself")
+    assert_refused(fpsboost_("in.mp4", "--start", "9", "--dry-run"), 1, "in.mp4 has ended where --start")
     assert_refused(fpsboost_("in.mp4", "o.webm", "--dry-run", "--audio-codec", "copy"), 1, "--no-audio")
 
 

@@ -150,12 +150,10 @@ def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
     trim = Trim(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
     hold_out = HoldOut(
-        2, decoding=DecodeOptions(trim, 24, stream=1, deinterlace=True, decoder="opencv"), duplicates="keep"
+        2, decoding=DecodeOptions(trim, 24, stream=1, deinterlace=True, size_change="scale"), duplicates="keep"
     )
-    words = (
-        "--skip 2 --duplicates keep --start 90.5 --end 2700f --input-fps 24 --stream 1 --deinterlace --decoder opencv"
-    )
-    assert hold_out.as_options() == words.split()
+    words = "--skip 2 --duplicates keep --start 90.5 --end 2700f --input-fps 24 --stream 1 --deinterlace --size-change"
+    assert hold_out.as_options() == [*words.split(), "scale"]
     assert HoldOut().as_options() == []
     assert HoldOut(first=3).as_options() == ["--range", "3:"]
     with pytest.raises(OptionError, match="`range` and `start` cannot be combined"):

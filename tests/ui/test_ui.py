@@ -415,6 +415,7 @@ def test_form_says_what_comes_out(client, films):
         "quality": "smaller",
         "name": "it's.mkv",
     }
+    assert "has ended where “From” 99 s would be" in notice(client, "/check", form(client, films, start="99"))
     found = check(client, form(client, films, **changes, subtitles=False))
     assert found.pop("command") == (
         f"fpsboost {films}/clip.mp4 '{films}/it'\"'\"'s.mkv' --factor 4 --slow-motion --loop --method nearest "
