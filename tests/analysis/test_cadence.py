@@ -155,7 +155,8 @@ def test_a_conversion_makes_again_what_a_camera_dropped(fpsboost_, gaps, factor)
     )
     assert times_of("out.mp4") == [Fraction(1001 * number, 30000 * factor) for number in range(60 * factor)]
     images = [picture.to_ndarray(format="bgr24").astype(int) for picture in pictures_of(Path("out.mp4"))[::factor]]
-    assert [np.argmin([abs(image - pan(3 * each)).mean() for each in range(60)]) for image in images] == [*range(60)]
+    shown = [pan(3 * number) for number in range(60)]
+    assert [np.argmin([abs(image - each).mean() for each in shown]) for image in images] == [*range(60)]
     assert packets_of(Path("out.mp4"), "audio") == packets_of(Path("in.mp4"), "audio")
 
 

@@ -9,13 +9,14 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fpsboost.cli import doctor
+from fpsboost.cli import app, doctor
 from fpsboost.cli.doctor import Finding, diagnose
 from fpsboost.cli.options import METHODS
 from fpsboost.method_table import methods, vector_methods
@@ -29,7 +30,8 @@ def scripts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the script of each shell, named after it."""
     folder = tmp_path_factory.mktemp("completion")
     for shell in SHELLS:
-        (folder / shell).write_bytes(subprocess.check_output([sys.executable, "-m", "fpsboost", "completion", shell]))
+        with (folder / shell).open("w", encoding="utf-8") as script, redirect_stdout(script):
+            app.app(["completion", shell], result_action="return_value")
     return folder
 
 

@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -329,12 +329,22 @@ def test_an_output_that_exists_is_refused_before_anything_is_made(client, video,
     assert not Part(1, 1).folder(str(target)).parent.exists()
 
 
-def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
-    """The same images."""
+def test_workers_of_this_machine_on_the_command_line(fpsboost_, client, images, output, monkeypatch):
+    """The same images, by as many workers as the memory has room for."""
+    asked = []
+
+    @contextmanager
+    def local_client(workers: int) -> Iterator[Any]:
+        asked.append(workers)
+        yield client
+
+    monkeypatch.setattr(dask_engine, "local_client", local_client)
     curve = images.job.rate.retime
     result = fpsboost_(images.job.input, f"{output}/", "--retime", curve, "--method", "blend", "--cluster", "local")
     assert result.code == 0, result.err
     assert images.is_whole(output)
+    assert len(asked) == 1
+    assert 1 <= asked[0] <= (os.cpu_count() or 1)
 
 
 @pytest.mark.parametrize(

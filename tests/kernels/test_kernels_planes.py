@@ -1,5 +1,7 @@
 """Planes in which frames are compared, and small copies, against slow twins."""
 
+from itertools import product
+
 import cv2
 import numpy as np
 import pytest
@@ -40,40 +42,38 @@ def assert_split(expected: list[np.ndarray], scale: np.float32, planes: np.ndarr
         np.testing.assert_array_equal(plane, np.pad(inside, ((PADDING, PADDING), (PADDING, PADDING + 5)), "edge"))
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_splitting_colours_equals_its_slow_twin(dtype, channels, size, scale):
+def test_splitting_colours_equals_its_slow_twin(dtype, channels):
     """Half luma, its high-pass and mean chroma of any type and number of channels; beyond white is the last level."""
-    image = noise(*size, channels, dtype, seed=7).copy()
-    if dtype == np.float32:
-        image[..., : min(channels, 3)] *= 3
     white = 1 if dtype == np.float32 else np.iinfo(dtype).max
-    planes = empty_planes(size)
-    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), planes)
-    assert_split(split_levels(image, white, scale), scale, planes)
+    for size, scale in product(SIZES, SCALES):
+        image = noise(*size, channels, dtype, seed=7).copy()
+        if dtype == np.float32:
+            image[..., : min(channels, 3)] *= 3
+        planes = empty_planes(size)
+        split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), planes)
+        assert_split(split_levels(image, white, scale), scale, planes)
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("steps", [(1, 1), (1, 2), (2, 2)])
 @pytest.mark.parametrize(
     ("dtype", "levels"),
     [(np.uint8, (16, 219, 128, 224)), (np.uint8, (0, 255, 128, 255)), (np.uint16, (64, 876, 512, 896))],
 )
-def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale):
+def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps):
     """The same of luma and chroma as video has them, chroma of every size; codes below black are black."""
-    if size[1] == 1 and steps[1] == 2:
-        steps = (steps[0], 1)  # one column of chroma is as wide as the picture
-    random, most = np.random.default_rng(3), 2 * levels[2]
-    small = tuple(-(-length // step) for length, step in zip(size, steps, strict=True))
-    codes = [random.integers(0, most, shape).astype(dtype) for shape in (size, small, small)]
-    planes = empty_planes(size)
     black, luma_span, neutral, chroma_span = levels
-    units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), planes)
-    assert_split(split_codes(codes, levels, scale), scale, planes)
+    units = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
+    for size, scale in product(SIZES, SCALES):
+        random, most = np.random.default_rng(3), 2 * levels[2]
+        # one column of chroma is as wide as the picture
+        across = steps[1] if size[1] > 1 else 1
+        small = -(-size[0] // steps[0]), -(-size[1] // across)
+        codes = [random.integers(0, most, shape).astype(dtype) for shape in (size, small, small)]
+        planes = empty_planes(size)
+        split_planes(*codes, units, scale, MIDDLE, np.int64(PADDING), planes)
+        assert_split(split_codes(codes, levels, scale), scale, planes)
 
 
 @pytest.mark.parametrize(("v", "most"), [(0.0001, 1), (0.05, 51), (0.09, 92), (0.25, 255), (2.0, 255)])
