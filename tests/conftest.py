@@ -40,6 +40,12 @@ Snapshot = dict[str, bytes | None]
 SaveImages = Callable[..., list[NDArray[Any]]]
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark what needs a browser as slow."""
+    if "chromium" in getattr(item, "fixturenames", ()):
+        item.add_marker(pytest.mark.slow)
+
+
 def pytest_collection_finish() -> None:
     """Spare the thousands of tests and the modules from being walked through by every garbage collection."""
     gc.collect()

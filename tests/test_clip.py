@@ -84,6 +84,7 @@ def test_an_iterator_is_read_as_frames_are_made():
     made.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repeated", [False, True])
 @pytest.mark.parametrize(("fps", "turn"), [(24, 3), (60, 6), (90, 4), (70, 0)])
 def test_a_loop_has_no_first_frame(tmp_path, fps, turn, repeated):

@@ -90,6 +90,7 @@ def test_white_is_kept_and_black_is_interpolated(tmp_path, save_images, fpsboost
     check(fpsboost_, tmp_path / source, target, f"mask.png{more}", options, nearest, [kept] * 5, slack)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "shown"),
     [

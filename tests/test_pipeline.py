@@ -343,6 +343,7 @@ def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, thre
     assert not alive
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_does_not_matter():
     """Pictures that move, are held, fade and are cut: the same frames and the same counts, bit by bit."""
     random = np.random.default_rng(1)

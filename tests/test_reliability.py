@@ -60,6 +60,7 @@ def test_files_that_may_not_grow(fpsboost_, tmp_path, snapshot, output, share):
     assert snapshot(tmp_path) == before
 
 
+@pytest.mark.slow
 @on_unix
 @pytest.mark.parametrize("arguments", [("--report", "page"), ("--json", "results.json")])
 def test_reports_that_may_not_grow(fpsboost_, tmp_path, snapshot, arguments):
@@ -117,6 +118,7 @@ NAMES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems forbid some of these names")
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
 def test_names_are_only_names(fpsboost_, tmp_path, name):
@@ -250,6 +252,7 @@ def test_the_output_folder_goes_away(tmp_path, output):
     assert all(path.name.startswith(".") for path in (tmp_path / "elsewhere").iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["h264.mkv", "y4m"])
 def test_the_input_is_cut_short(tmp_path, kind):
     """What could be read is converted and the rest told, or it is refused: no third way."""
@@ -266,6 +269,7 @@ def test_the_input_is_cut_short(tmp_path, kind):
     assert summary.frames_in < 400
 
 
+@pytest.mark.slow
 @on_unix
 def test_the_writer_of_a_pipe_dies(tmp_path):
     """Within its first frame: the reader says so and ends by itself."""

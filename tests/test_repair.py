@@ -151,6 +151,7 @@ def test_nothing_else_is_taken_for_damaged(step, scene):
     assert not detected([texture(1 + number // scene, step * number) for number in range(9)])
 
 
+@pytest.mark.slow
 def test_parts_are_the_same():
     """Wherever reading begins, a list and detection give the frames of one run; damage meets the ends of parts."""
     images = [texture(1 + number // 50, 3 * number) for number in range(70)]

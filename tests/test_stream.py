@@ -153,6 +153,7 @@ def loop(end, **options):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("end", "code", "threads"),
     [
@@ -167,6 +168,7 @@ def test_a_script_ends_however_its_loop_does(end, code, threads):
     assert run.returncode == code
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("daemon", [False, True])
 def test_a_conversion_beside_the_end_of_a_script_is_whole_or_not_there(tmp_path, daemon):
     """A thread that Python waits for finishes it; another one is cut off, and no part of the output appears."""

@@ -92,6 +92,7 @@ def test_a_pan_on_ones_stays(length):
     assert not any(repeats.are_repeats)
 
 
+@pytest.mark.slow
 def test_a_conversion_drops_them_and_restores_them(fpsboost_, tmp_path):
     """The true rate, exactly even, with the same sound; the old times from it; and `probe` says so beforehand."""
     pictures, options = shown([3, 2], 90), {"encoding": FAST, "method": "nearest"}
@@ -141,6 +142,7 @@ def test_gaps_are_found_where_a_steady_pan_jumps(places, gaps):
     assert find_gaps(FrameCache(pan(3 * place, seed=int(place >= 1000))) for place in places) == gaps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gaps", "factor"), [("auto", 1), ("19,33x2", 1), ("0:00.65,33x2", 2)])
 def test_a_conversion_makes_again_what_a_camera_dropped(fpsboost_, gaps, factor):
     """All pictures at the times of the clip before, and the sound untouched."""

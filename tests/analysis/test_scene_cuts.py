@@ -183,6 +183,7 @@ def found_cuts(frames):
     return {int(end) for end, pair in zip(ends, with_neighbours(pairs), strict=False) if pair.is_cut}
 
 
+@pytest.mark.slow
 def test_cuts_are_told_from_all_that_only_looks_like_one():
     """Of constructed cuts 95 in 100 are found, and of what is found 95 in 100 are cuts."""
     right, false, missed = Counter(), Counter(), Counter()

@@ -202,6 +202,7 @@ def test_a_bar_says_which_of_how_many(fpsboost_, monkeypatch):
     assert re.search(r"2/2 out/b\.mp4 .*[0-9]+/6", plain)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
 def test_a_signal_stops_all(tmp_path):
     """SIGTERM to a real process in its second input, which has frames for minutes."""

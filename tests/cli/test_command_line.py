@@ -47,6 +47,7 @@ RUN = """
 """
 
 
+@pytest.mark.slow
 def test_piped_run_is_plain_text(clip, tmp_path):
     """A whole process that nobody watches: exit code 0, a file, no bar, no colour, no control characters, one line."""
     done = run_python(tmp_path, "-m", "fpsboost", "in.mp4", "out.mp4", *CHEAP)
@@ -368,6 +369,7 @@ main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
 @pytest.mark.parametrize(
     ("number", "output", "factor", "frames", "finished"),
@@ -439,6 +441,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_kernels_that_cannot_be_used_are_one_sentence(clip, tmp_path, unchanged, fault):
     """It says what to do: install again, or choose a level that this processor has; nothing is written."""
@@ -496,6 +499,7 @@ def test_wrong_words_are_told_what_is_meant(fpsboost_, clip, arguments, said):
     assert result.err.endswith(f"{said}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the device is Linux's")
 @pytest.mark.parametrize(
     ("arguments", "ends", "code"),

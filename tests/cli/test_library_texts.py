@@ -67,6 +67,7 @@ def test_what_is_read_nevertheless_is_a_note(tmp_path, fpsboost_, monkeypatch):
     assert fpsboost_("in", "out2", "-m", "blend", "-q").err == ""
 
 
+@pytest.mark.slow
 def test_nothing_is_printed_at_the_end(tmp_path, save_images):
     """OpenImageIO would name its objects that are left."""
     save_images(tmp_path / "in", count=2)

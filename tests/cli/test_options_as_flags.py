@@ -88,6 +88,7 @@ def library_texts():
                 yield path, node.value
 
 
+@pytest.mark.slow
 def test_the_library_names_fields_and_no_flags():
     """No message of the library speaks of a command line, and each name between backquotes is an option or argument."""
     names = flag_names.keys() | signature(interpolate_clip).parameters.keys() | signature(MotionField).parameters.keys()

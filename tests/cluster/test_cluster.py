@@ -32,6 +32,7 @@ from support.command_line import assert_refused
 from support.video_truth import packets_of, write_clip
 
 distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.slow
 
 from fpsboost.cluster import dask_engine, worker  # noqa: E402 (only where Dask is installed)
 

@@ -67,6 +67,7 @@ def test_a_comparison_makes_the_frames_of_a_conversion(folder, tmp_path):
         np.testing.assert_array_equal(frame.image, again.image)
 
 
+@pytest.mark.slow
 def test_a_comparison_knows_who_is_better(folder):
     """Figures of every frame and method, their means, and no more said than asked."""
     observer = Nobody()
@@ -292,6 +293,7 @@ def test_a_low_first_method_fails_if_so_told(fpsboost_, folder, tmp_path):
     assert fpsboost_("compare", folder, "-m", "blend", "--fail-under", "nan").code == 2
 
 
+@pytest.mark.slow
 def test_a_clip_is_read_as_a_conversion_reads_it(fpsboost_, tmp_path):
     """Part, stream, fields, repeats and cuts by the same options, which the page's command repeats."""
 

@@ -113,6 +113,7 @@ def test_what_is_missing_is_named(monkeypatch):
             choose_metrics([name])
 
 
+@pytest.mark.slow
 def test_the_command_measures_what_it_is_told(fpsboost_, tmp_path):
     """All that can be measured here, once: in the tables, the data, the page, and the page's command."""
     save_clip(tmp_path / "pan", (pan(2 * number, height=96, width=128) for number in range(7)))

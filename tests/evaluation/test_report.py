@@ -111,6 +111,7 @@ def test_frames_that_do_not_count_are_named_and_not_drawn(comparison, compared_m
     assert worst not in choose_frames(changed)
 
 
+@pytest.mark.slow
 def test_small_areas_are_not_on_the_page(comparison, compared_methods, tmp_path):
     """An area of less than 2 % of the picture, or of more than 98 %, has no columns; without any there is no table."""
     shares = {"moving": 0.5, "occluded": 0.019, "uncertain": 0.03}
@@ -212,6 +213,7 @@ def test_a_lead_on_several_clips_is_more_than_chance(comparison, leads, outcome)
     )
 
 
+@pytest.mark.slow
 def test_command_compares_several_clips(comparison, fpsboost_, tmp_path):
     """Tables of each, a table of the means, one page, one JSON and one CSV that name the clips."""
     shutil.copytree(comparison.clip, tmp_path / "second")

@@ -351,6 +351,7 @@ def follow(operator: Any, context: Any) -> set[str]:
     return answer
 
 
+@pytest.mark.slow
 def test_a_button_runs_the_command_beside_blender(extension, program, rendered):
     """Blender goes on meanwhile, no second command can start, and nothing is left of the timer and the bar."""
     commanding = extension.commanding

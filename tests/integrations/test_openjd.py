@@ -83,6 +83,7 @@ def test_the_template_is_valid():
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="runs a script as a program")
 def test_each_part_is_a_task_and_the_last_step_joins_them(tmp_path):
     """In order, with quoted options split as in a shell, and with a name that needs quotes passed as it is."""
@@ -98,6 +99,7 @@ def test_each_part_is_a_task_and_the_last_step_joins_them(tmp_path):
     assert len(parts) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="runs a script as a program")
 def test_progress_is_said_as_the_scheduler_reads_it(tmp_path):
     """In percent and in words; remarks, and what is no progress, go to the log as they are."""
@@ -110,6 +112,7 @@ def test_progress_is_said_as_the_scheduler_reads_it(tmp_path):
     assert {"Note: 2 frames were damaged.", "A sentence for people."} <= set(said)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="runs a script as a program")
 def test_a_part_that_fails_fails_its_task(tmp_path, monkeypatch):
     """And nothing is joined."""

@@ -178,6 +178,7 @@ ENCODINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ENCODINGS)
 def test_going_on_makes_the_same_file(tmp_path, clip, kind):
     """Stopped in the middle and taken up again: the same file, byte by byte, and the same summary."""
@@ -273,6 +274,7 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
     assert found == [found[0]] * 4
 
 
+@pytest.mark.slow
 def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
     monkeypatch.setattr("fpsboost.media.chunks.Assembly.finish", lambda *_: 1 / 0)
@@ -420,6 +422,7 @@ for target in folder.iterdir():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_killed_at_random_moments(tmp_path):
     """However often a run is killed, no file has the final name before it is whole, and then it is the same."""

@@ -61,6 +61,7 @@ def test_searches_equal_their_slow_twins(search, slow_twin, reach, flow, t, data
     np.testing.assert_array_equal(search(flow, t, steps), slow_twin(flow, t, steps))
 
 
+@pytest.mark.slow
 def test_brute_force_search_finds_the_nearest_for_any_real_motion():
     """With flows that float32 must round, the source found is as near as the nearest, to rounding."""
     random = np.random.default_rng(3)

@@ -31,6 +31,7 @@ def test_a_kernel_gives_the_recorded_bits_at_every_level(name, arrays, monkeypat
         assert [digest(name, text, arrays) for text in calls] == expected, level
 
 
+@pytest.mark.slow
 def test_scenes_of_any_size_are_converted_alike_at_every_level():
     """From 1x1 to 40x40 pixels, of all kinds of images by all methods, but a few at the lowest level, which is slow."""
     program = Path(__file__).with_name("drawn_scenes.py")

@@ -165,6 +165,7 @@ def test_the_last_picture_is_shown_for_one_interval(tmp_path, name, sound_second
     assert abs(frames[-1].duration - Fraction(1, 25)) <= MILLISECOND
 
 
+@pytest.mark.slow
 def test_an_absurd_rate_is_refused_with_the_ways_out(tmp_path, fpsboost_):
     """24 frames, most of them a millisecond apart, never become 2000, but for someone who says the rate."""
     pauses = (237, 411, 163, 307, 89, 223, 149)
@@ -252,6 +253,7 @@ def test_a_true_rate_is_taken(tmp_path, count):
     assert rate_of(tmp_path / "long.mp4", times, end=times[-1] + 5000) == 30
 
 
+@pytest.mark.slow
 def test_a_clock_that_drifts(tmp_path):
     """A phone that films 29.985 frames per second: its frames pass, up to the last one."""
     times = [round(number * 90_000 / 29.985) for number in range(800)]

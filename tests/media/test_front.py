@@ -15,6 +15,7 @@ from support.video_truth import write_clip
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "count"), [("media.md", 13), ("generated.md", 35)])
 def test_examples_of_the_pages(tmp_path, monkeypatch, page, count):
     """They run as they stand, and print what they show."""
@@ -52,6 +53,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
     assert (tmp_path / "in.mp4").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_nothing_else_of_the_package_is_loaded(tmp_path):
     """Reading and writing a video load modules of `fpsboost.media` alone."""
     write_clip(tmp_path / "in.mp4")

@@ -155,6 +155,7 @@ SEED = 20260
 COPIES = 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(2))
 def test_damaged_copies(tmp_path, part):
     """In a process of its own: every copy ends in an output that can be read or in a sentence that names a file."""

@@ -94,6 +94,7 @@ def test_x265_says_nothing_of_the_processor():
     assert b"cpuid" not in packets_of_noise(Encoding("hevc", preset="ultrafast"))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")
 def test_cores_do_not_matter():
     """A process with one core makes the packets that this one makes."""
@@ -129,6 +130,7 @@ POLICIES = """if True:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are looked at as Linux shows them")
 def test_av1_is_encoded_at_ordinary_priority(save_images, tmp_path):
     """SVT-AV1, which takes real-time priority where its user may have it, leaves no thread there."""

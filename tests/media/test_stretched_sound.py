@@ -59,6 +59,7 @@ def test_clicks_fall_on_their_pictures(tmp_path, factor, suffix, layout, codec):
     assert pictures_of(target)[0].pts == 0
 
 
+@pytest.mark.slow
 def test_tracks_stay_apart(tmp_path):
     """Two tracks of other layouts and rates: each its own tone, and AAC's delay no matter."""
     clip = write_sounds(tmp_path / "in.mp4", ["stereo", "mono"], codec="aac", rate=44100)
@@ -187,6 +188,7 @@ def test_damaged_sound(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_resumed_run_makes_the_same_sound(tmp_path):
     """Stopped in the middle and gone on with, the sound is the same to the bit."""
     clip = write_sounds(tmp_path / "in.mkv", seconds=2.5, pictures=50)

@@ -291,6 +291,7 @@ def test_vectors_choose_the_radius_of_the_reports_method(tmp_path):
         choose_search_radius(FrameCache(noise(60, 80)), image1, vectors)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32), st.integers(0, 2), st.sampled_from([2, 4]))
 def test_shortest_motions_equal_their_slow_twin(seed, around, step):
     """The shortest motion around each point that explains it nearly as well, and the best similarity there is."""

@@ -106,6 +106,7 @@ def facts(frame: Frame) -> tuple[object, ...]:
     return frame.time, frame.duration, frame.original, frame.preceding, frame.captions, frame.array.tobytes()
 
 
+@pytest.mark.slow
 @given(clip=clips(), data=st.data())
 @settings(max_examples=8)
 @pytest.mark.parametrize("schedule", SCHEDULES.values(), ids=SCHEDULES)

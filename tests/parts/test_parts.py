@@ -109,6 +109,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "parts"),
     [*((options, 3) for options in VIDEO_OPTIONS.values()), ({"factor": 1}, 5)],
@@ -126,6 +127,7 @@ def test_a_video_joined_of_parts_is_that_of_one_run(tmp_path, clip, options, par
     assert facts_of(joined) == facts_of(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("times", "container"), [("variable", "mp4"), ("with a pause", "mkv"), ("jitter", "mkv")])
 def test_a_variable_rate_in_parts(tmp_path, times, container):
     """Times that vary, pause or jitter give the same frames at the same times, with motion that is followed."""
@@ -163,6 +165,7 @@ def image_conversion(tmp_path: Path, snapshot: Callable[..., Any], source: str, 
     assert snapshot(tmp_path / "joined") == snapshot(tmp_path / "whole")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [2, Fraction(5, 2), 1])
 @pytest.mark.parametrize("output", ["frames", "new_%05d.png"])
 def test_images_joined_of_parts_are_those_of_one_run(tmp_path, snapshot, save_images, factor, output):
@@ -181,6 +184,7 @@ def test_missing_images_in_parts(tmp_path, snapshot, save_images):
     image_conversion(tmp_path, snapshot, str(tmp_path / "in"), "out", rate=OutputRate(fill_gaps=True), method="blend")
 
 
+@pytest.mark.slow
 def test_a_video_to_images_in_parts(tmp_path, snapshot, clip):
     """Frames of a video get the same numbers."""
     image_conversion(tmp_path, snapshot, str(clip), "out", factor=2, method="blend")
@@ -201,6 +205,7 @@ def spoil(path: Path) -> None:
     path.write_bytes(data)
 
 
+@pytest.mark.slow
 def test_parts_that_cannot_be_joined(tmp_path, made):
     """Each fault is one sentence that names the part, and nothing is written."""
     target = str(tmp_path / "out")
@@ -282,6 +287,7 @@ class StopAfter(SilentObserver):
             raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_a_part_goes_on_where_it_was_stopped(tmp_path, clip):
     """Finished chunks are kept, and the joined file is the same."""
     options: dict[str, Any] = {"method": "blend", "factor": FACTOR, "encoding": FAST}
@@ -324,6 +330,7 @@ def test_a_manifest_comes_back_as_it_was(made, tmp_path):
         Manifest.read(tmp_path)
 
 
+@pytest.mark.slow
 def test_parts_on_the_command_line(fpsboost_, tmp_path, clip):
     """Made and joined as the help says."""
     assert fpsboost_(clip, "whole.mkv", "-m", "blend").code == 0
@@ -337,6 +344,7 @@ def test_parts_on_the_command_line(fpsboost_, tmp_path, clip):
     assert (refused.code, "2 is missing" in refused.err) == (1, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["in.ts", "in.m2v"])
 def test_a_video_that_does_not_list_its_frames(tmp_path, name):
     """All before a part is decoded then, which is said; also where nothing says how many frames there are."""
@@ -351,6 +359,7 @@ def test_a_video_that_does_not_list_its_frames(tmp_path, name):
     assert joined.frames_out == whole.frames_out
 
 
+@pytest.mark.slow
 def test_openexr_with_vectors_in_parts(tmp_path, snapshot):
     """Layers, and a renderer's motion as a candidate, go by the numbers of frames."""
     (tmp_path / "in").mkdir()

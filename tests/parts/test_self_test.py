@@ -57,6 +57,7 @@ def test_a_digest_repeats_itself(method):
     assert (image == 7).all()
 
 
+@pytest.mark.slow
 def test_another_method_has_another_digest():
     """Methods, and parameters of one; but not two forms of the same search."""
     image = np.zeros((4, 6, 3), np.uint8)

@@ -75,6 +75,7 @@ def shown(short):
     return preview(job_of(short), {name: methods[name] for name in ("blend", "nlm")}, RunOptions())
 
 
+@pytest.mark.slow
 def test_passage_in_motion_is_chosen(clip):
     """Of a clip that mostly stands still, the part that moves is shown, though few frames were decoded elsewhere."""
     found = found_in(clip)
@@ -82,12 +83,14 @@ def test_passage_in_motion_is_chosen(clip):
     assert sum(float(end - start) for start, end in found.parts) < 8
 
 
+@pytest.mark.slow
 def test_passages_do_not_overlap_and_lie_in_the_part_asked_for(short):
     """Each shows other frames; of a short clip all together are the clip."""
     passages = found_in(short).passages
     assert [(passage.start, passage.end) for passage in passages] == [(0, 1), (1, 2)]
 
 
+@pytest.mark.slow
 def test_cut_is_reported_and_divides_no_passage(tmp_path):
     """Where a scene ends within a second of motion, the longer piece is shown and the cut is said."""
     pictures = [scene(number) if number < 8 else other_scene(number) for number in range(2 * RATE)]
@@ -111,6 +114,7 @@ def test_given_place_is_shown(clip):
     assert [passage.start for passage in found.passages] == [3, 15]
 
 
+@pytest.mark.slow
 def test_passage_has_the_frames_of_the_whole_conversion(clip, tmp_path):
     """Shown as before and after, at the same times; the estimate counts all frames, each of which took some time."""
     passage = found_in(clip, Position(Fraction(8))).passages[0]
@@ -136,6 +140,7 @@ def test_estimate_is_said_with_units():
     assert {each: estimate_sentence(*each) for each in said} == said
 
 
+@pytest.mark.slow
 def test_least_certain_frame_has_its_confidence(short, shown):
     """A method that has confidence says it for the frame between the two that match least; another one does not."""
     for trial in shown.trials["nlm"]:
@@ -170,6 +175,7 @@ def test_deep_video_with_full_chroma_rows(tmp_path):
     assert np.abs(image - scene(0)).mean() < 8
 
 
+@pytest.mark.slow
 def test_slow_motion_plays_in_step(short):
     """Views count the source's time, however long the output is."""
     found = tried(short, factor=4, slow_motion=True)
@@ -306,6 +312,7 @@ def test_page_plays_steps_and_jumps(browser_page):
         assert violations(browser_page) == []
 
 
+@pytest.mark.slow
 def test_watcher_sees_frames_as_they_are_written(short, tmp_path):
     """All frames in order, those that are made with their confidence."""
 

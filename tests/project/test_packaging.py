@@ -84,6 +84,7 @@ build.compile_kernels(build.PLATFORMS[build.this_platform()], Path())
 """Compiles what is in the folder native of the working directory."""
 
 
+@pytest.mark.slow
 def test_a_build_needs_no_home_folder_and_leaves_the_library_alone(tmp_path, monkeypatch):
     """Where nothing can be written but the folder of the library and that of temporary files, which is empty again."""
     pytest.importorskip("ziglang")
@@ -103,6 +104,7 @@ def test_a_build_needs_no_home_folder_and_leaves_the_library_alone(tmp_path, mon
     assert made == {"native", "temporary", f"kernels{binding.LIBRARY.suffix}"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments", [("probe", "in.mp4"), ("in.mp4", "out.mp4", "--method", "blend"), ("in.mp4", "out.mp4")]
 )
@@ -142,6 +144,7 @@ def test_what_the_app_does_with_its_arguments(tmp_path):
     assert commands(["-m", "fpsboost", *present]) == [present]
 
 
+@pytest.mark.slow
 def test_clips_dropped_on_the_app_are_converted_beside_them(tmp_path):
     """A file that is no clip does not stop the others, and shows in the exit code."""
     for name in ("a.mp4", "c.mp4"):

@@ -142,6 +142,7 @@ def test_depth_runs_along_the_viewing_axis():
     np.testing.assert_allclose(floor.reshape(30, 40)[below], expected)
 
 
+@pytest.mark.slow
 @needs_scenes
 def test_the_reports_figures_have_numbers_and_verdicts(monkeypatch):
     """Of a frame of glass: errors by patch and by luminance, shares of failed searches, and verdicts on a page."""
@@ -220,6 +221,7 @@ def test_samples_show_the_place_that_the_matrix_takes_there():
     np.testing.assert_allclose(seen[..., 1], y - 1.5, atol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge_weight", [0, 4], ids=["squares", "edges"])
 def test_the_table_of_weights_is_what_the_fit_makes(tmp_path, edge_weight):
     """A short fit to small scenes improves on plain weights, its gradient is right, and the table improves on them."""
@@ -244,6 +246,7 @@ def test_the_table_of_weights_is_what_the_fit_makes(tmp_path, edge_weight):
         assert objective.gain(numbers).mean() > 0.05
 
 
+@pytest.mark.slow
 @needs_scenes
 def test_the_published_benchmark_measured_these_scenes(monkeypatch):
     """The pixels that the benchmark reads have the hash that it compares with and that the page of results names."""

@@ -80,6 +80,7 @@ def test_it_is_found_whoever_decides_about_cuts(cuts):
     assert lowest(summary_of(PAN, interpolator=replace(BLEND, cuts=cuts))) == lowest(summary_of(PAN))
 
 
+@pytest.mark.slow
 def test_parts_that_are_joined_know_it(tmp_path):
     """It is that of one run, whichever part it is in."""
     source = save_clip(tmp_path / "in", PAN)

@@ -49,6 +49,7 @@ def levels(frames):
     return [frame.array.mean() / 10 for frame in frames]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(steps, rises, st.booleans(), st.fractions(0, 20, max_denominator=50))
 def test_a_curve_is_exact_at_its_points_and_never_turns_between(lengths, heights, smooth, time):
@@ -162,6 +163,7 @@ def clip(tmp_path):
     return write_clip(tmp_path / "in.mkv", times=range(50), sound="aac")
 
 
+@pytest.mark.slow
 def test_a_curve_of_slope_one_gives_the_plain_output(tmp_path, clip):
     """Packets of pictures and of sound, at another rate, too."""
     for name, speed in {"plain": {}, "curve": {"retime": "0=0 1s=1s 2s=2s"}, "speed": {"speed": "1"}}.items():
@@ -172,6 +174,7 @@ def test_a_curve_of_slope_one_gives_the_plain_output(tmp_path, clip):
             assert packets_of(tmp_path / f"{name}.mp4", kind) == packets_of(tmp_path / "plain.mp4", kind)
 
 
+@pytest.mark.slow
 def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
     """Silent while the picture stands or repeats, in parts, too; dropped if asked, and always said."""
     curve = {"retime": "0=0 1s=.5s 1.5s=.5s 2s=0s 3s=2s"}
@@ -193,6 +196,7 @@ def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
         assert any("sound, which the retime curve leaves out" in remark for remark in summary.remarks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curve", ["0=1.99s 2s=0", "0=0 24f=40f 40f=24.5f 60f=49f", "smooth 0=1s 9f=.3s 40f=.3s 50f=0"])
 def test_a_clip_plays_backwards(tmp_path, curve):
     """Every frame shows the time of the curve; in parts, the packets are the same."""

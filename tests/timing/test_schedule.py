@@ -34,6 +34,7 @@ def all_steps(schedule: Schedule, times: Sequence[Fraction]) -> list[tuple[int, 
     return [(k, step) for k, (time0, time1) in pairs for step in schedule.steps(k, times[0], time0, time1)]
 
 
+@pytest.mark.slow
 @given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), starts, intervals)
 def test_output_times_strictly_increase_within_their_pairs(schedule, start, gaps):
     """Every frame lies in the half-open interval of its pair, at the place that t says, after the one before."""
@@ -47,6 +48,7 @@ def test_output_times_strictly_increase_within_their_pairs(schedule, start, gaps
     assert shown[:1] == [start]
 
 
+@pytest.mark.slow
 @given(factors, starts, intervals)
 def test_a_factor_multiplies_the_count_exactly(factor, start, gaps):
     """n intervals give the multiples of 1 / factor below n, no more and no fewer."""
@@ -58,6 +60,7 @@ def test_a_factor_multiplies_the_count_exactly(factor, start, gaps):
     assert positions == expected
 
 
+@pytest.mark.slow
 @given(st.integers(1, 12), starts, intervals)
 def test_source_frames_keep_their_exact_times_under_whole_factors(factor, start, gaps):
     """Variable intervals or not: every source time is there, and each interval is cut evenly."""
@@ -80,6 +83,7 @@ def test_a_pause_is_held(kind):
     assert shown[2][0].time - times[2] < (Fraction(1, 9999) if kind is ByFactor else Fraction(2, 5))
 
 
+@pytest.mark.slow
 @given(rates, starts, intervals)
 def test_a_rate_hits_every_tick_of_its_own_clock(rate, start, gaps):
     """Against brute force: all start + k / rate before the last source frame, each in the one pair that holds it."""

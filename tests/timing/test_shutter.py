@@ -64,6 +64,7 @@ def test_frames_and_times_are_those_without(schedule, shutter, holds_last_frame)
     assert all(each.original is None for each in blurred[1:-1])
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(
     levels=st.lists(st.floats(0, 1, width=16), min_size=3, max_size=6),
@@ -138,6 +139,7 @@ def test_a_moving_edge_is_as_wide_as_the_shutter_times_its_motion(angle, samples
     assert centre == pytest.approx(36, abs=0.6)
 
 
+@pytest.mark.slow
 def test_nothing_is_blurred_across_a_cut():
     """Samples of another scene are left out, on both sides of the cut."""
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)

@@ -437,6 +437,7 @@ def test_streams_are_chosen_and_what_is_lost_is_said_before(client, films):
     assert said.startswith(f"“Streams to keep” 5 is no sound and no subtitles of {films}/clip.mp4, which has 1 (aac ")
 
 
+@pytest.mark.slow
 def test_images_become_images(client, films, save_images):
     """A folder of images is picked, looked at by names, and by default becomes one; as a video it needs a rate."""
     save_images(films / "shot")
@@ -453,6 +454,7 @@ def test_images_become_images(client, films, save_images):
     assert check(client, {**as_video, "input_fps": "24"})["rate"] == 48
 
 
+@pytest.mark.slow
 def test_probe_says_what_the_command_says(client, films):
     """Of Matroska and cut-off files, the page learns only by reading to the end how far its slider reaches."""
     write_clip(films / "clip.mkv")
@@ -478,6 +480,7 @@ def posted_whole(address, path, data):
         return json.loads(connection.getresponse().read())
 
 
+@pytest.mark.slow
 def test_probes_of_two_tabs(films, tmp_path, monkeypatch):
     """A clip that one tab reads to its end is not dropped for another tab's, but when its own tab leaves it."""
     real, begun, waiting = jobs.start_process, Event(), list[subprocess.Popen[str]]()
@@ -564,6 +567,7 @@ def test_positions_are_typed_as_in_options(client, films, save_images):
 # ---------------------------------------------------------------- the queue
 
 
+@pytest.mark.slow
 def test_job_becomes_a_file_that_plays(client, session, films):
     """The page gets the result in parts as a player asks for them, and nothing else in its place."""
     number = add(client, form(client, films))
@@ -596,6 +600,7 @@ def test_name_is_free_unless_it_was_written(client, session, films):
     assert "exists already" in notice(client, "/check", {**choices, "name": "clip-2x.mp4", "is_named": True})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["clip-2x.mp4", "frames/"])
 def test_result_is_shown_beside_its_source_and_in_its_folder(client, session, films, monkeypatch, name):
     """The source can be played too, and the file manager of this machine shows what was written, a folder as well."""
@@ -628,6 +633,7 @@ def test_dropped_files_are_found_by_name_and_size(client, films):
     assert "lies outside of" in notice(client, "/find", {"folder": str(films.parent), "files": files})
 
 
+@pytest.mark.slow
 def test_failure_is_said_in_a_sentence(client, session, films):
     """A conversion that fails says why, as on the command line, and can be tried again."""
     choices = form(client, films)
@@ -784,6 +790,7 @@ def test_queue_belongs_to_one_server(tmp_path):
 # ---------------------------------------------------------------- the command
 
 
+@pytest.mark.slow
 def test_command_prints_the_address_and_ends(films, fpsboost_, monkeypatch):
     """`fpsboost ui` prints an address that answers, can start on its port at once, and ends within a look.
 

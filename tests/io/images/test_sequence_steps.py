@@ -79,6 +79,7 @@ namings = st.tuples(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(
     steps,
@@ -190,6 +191,7 @@ def test_a_hole_is_an_error_that_names_it(tmp_path, numbers, message):
     assert names_in(tmp_path) == ["in"]
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.sets(st.integers(0, 20), min_size=2, max_size=8), st.integers(0, 900), st.booleans())
 def test_gaps_of_any_pattern_are_filled(offsets, first, in_place):

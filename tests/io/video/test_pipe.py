@@ -390,6 +390,7 @@ def test_from_file_to_pipe(piped, tmp_path):
     assert len(sentences(piped(b"", "in.mp4", "-", "--no-audio", *NEAREST))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows shells differ")
 def test_from_file_to_file_by_redirection(tmp_path):
     """Files behind standard input and output do as well as pipes."""
@@ -426,6 +427,7 @@ def test_refusals(piped, tmp_path, data, arguments, code, word):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such terminals")
 def test_terminals_are_refused(tmp_path):
     """A person who forgot the pipe is told, on either side."""
@@ -444,6 +446,7 @@ def test_terminals_are_refused(tmp_path):
         os.close(terminal)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="pipes end in another way on Windows")
 def test_a_closed_pipe_ends_quietly(tmp_path):
     """A reader that has enough ends the run without a word, and not as a success."""
@@ -456,6 +459,7 @@ def test_a_closed_pipe_ends_quietly(tmp_path):
         assert source.wait(60) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
 @pytest.mark.parametrize("waits_for", ["header", "frames", "reader"])
 def test_a_stopped_run_does_not_wait(tmp_path, waits_for):
@@ -489,6 +493,7 @@ def wait_for_reading(process: subprocess.Popen[bytes]) -> None:
             return
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="pipes are asked in another way on Windows")
 def test_frames_come_out_as_they_are_made(tmp_path):
     """The first frames are there while the input is still open."""
