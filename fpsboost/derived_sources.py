@@ -13,10 +13,9 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import TIME_TOLERANCE, Window
+from fpsboost.media import TIME_TOLERANCE, TimeMap, Window
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import Trim
-from fpsboost.timing.time_map import TimeMap
 
 
 def trim_source(
@@ -27,8 +26,8 @@ def trim_source(
         return source, None
     if isinstance(source, ImageSource):
         rate = source.info.rate
-        begin, end = (None if time is None else math.ceil(time * rate) for time in trim.seconds(source.info))
-        source.keep(begin or 0, end)
+        begin, end = trim.seconds(source.info)
+        source.keep(math.ceil(begin * rate), None if end is None else math.ceil(end * rate))
         return source, None
     trimmed = TrimmedSource(source, trim, may_skip=may_skip, curve=curve)
     return trimmed, trimmed.window

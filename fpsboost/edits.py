@@ -22,13 +22,12 @@ from fpsboost.io import DescribedSource
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.opening import Target
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import Window, counted
+from fpsboost.media import TimeMap, Window, counted
 from fpsboost.streaming import positions_of
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import Gaps
 from fpsboost.timing.rate import readable
 from fpsboost.timing.schedule import MAX_FILLED, ByRate, Schedule, count_frames
-from fpsboost.timing.time_map import TimeMap
 
 MAX_LISTED = 40  # gaps that a remark lists
 
@@ -83,7 +82,7 @@ def played_backwards(clip: OpenedClip, curve: TimeMap) -> OpenedClip:
             f"`retime` plays {clip.whole.info.name} backwards, which needs a file that says when each frame is shown; "
             "let no time fall, or convert it with `factor=1` first."
         )
-    edit, unfolded = curve.unfolded(times)
+    edit, unfolded = Edit.whole(times).unfolded(curve)
     return replace(clip.edited(edit, edit.of_info(clip.source.info)), curve=unfolded)
 
 

@@ -64,6 +64,7 @@ from .media.safe_files import write_safely as write_safely
 from .media.staging import discard_unfinished as discard_unfinished
 from .media.staging import is_unfinished as is_unfinished
 from .media.staging import unfinished_places as unfinished_places
+from .media.time_map import TimeMap as TimeMap
 from .media.traits import VideoTraits as VideoTraits
 from .options import Checked as Checked
 from .options import PathName as PathName
@@ -92,4 +93,3 @@ from .threads import available_cores as available_cores
 from .threads import one_opencv_thread as one_opencv_thread
 from .threads import run_in_parallel as run_in_parallel
 from .timing.position import parse_position as parse_position
-from .timing.time_map import TimeMap as TimeMap

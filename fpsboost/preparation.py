@@ -31,7 +31,7 @@ from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import FOREVER, VIDEO_SUFFIXES
+from fpsboost.media import FOREVER, VIDEO_SUFFIXES, TimeMap
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
@@ -42,7 +42,6 @@ from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
-from fpsboost.timing.time_map import TimeMap
 
 OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 FALLBACK_SUFFIX = ".mkv"

@@ -35,7 +35,7 @@ from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.files import PNG_SIGNATURE, ImageMetadata, content_of, png_chunks
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.ycc import straight_16_bit
-from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, counted, measured_cadence, missing_codecs
+from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, counted, measure_rate, missing_codecs
 from fpsboost.memory import MemoryLimit
 
 if TYPE_CHECKING:
@@ -140,9 +140,9 @@ class AnimationSource(ClosesOnExit):
         per_second = 100 if self._format == "GIF" else 1000
         tick = Fraction(1, math.lcm(per_second, *(delay.denominator for delay in self._delays)))
         times = list(accumulate(self._delays, initial=Fraction(0)))
-        cadence = measured_cadence([int(time / tick) for time in times], tick)
-        assert cadence is not None, "every delay is above 0"
-        self.info = ClipInfo(path, height, width, 1 / cadence.interval, tick, len(self._delays), times[-1])
+        measured = measure_rate([int(time / tick) for time in times], tick)
+        assert measured is not None, "every delay is above 0"
+        self.info = ClipInfo(path, height, width, 1 / measured.interval, tick, len(self._delays), times[-1])
 
     def _survey(self, image: PillowImage) -> bool:
         """Read delays and alpha up to the end or the first damage; return whether all frames could be decoded.

@@ -26,12 +26,11 @@ from .frame_index import EntryPoint as EntryPoint
 from .frame_index import FrameIndex as FrameIndex
 from .frame_rate import ASSUMED_RATE as ASSUMED_RATE
 from .frame_rate import assumed_rate_remark as assumed_rate_remark
-from .frame_rate import measured_cadence as measured_cadence
+from .frame_rate import measure_rate as measure_rate
 from .info import FOREVER as FOREVER
 from .info import ClipInfo as ClipInfo
 from .info import EncodeSettings as EncodeSettings
 from .info import OutputTiming as OutputTiming
-from .info import Passage as Passage
 from .info import is_implausible as is_implausible
 from .opening import check_is_no_playlist as check_is_no_playlist
 from .opening import open_video as open_video
@@ -87,6 +86,9 @@ from .staging import discard_unfinished as discard_unfinished
 from .staging import hidden_place as hidden_place
 from .staging import part_files as part_files
 from .staging import remove_if_empty as remove_if_empty
+from .time_map import ALL_SPEEDS as ALL_SPEEDS
+from .time_map import Segment as Segment
+from .time_map import TimeMap as TimeMap
 from .traits import LINEAR as LINEAR
 from .traits import SRGB as SRGB
 from .traits import VideoTraits as VideoTraits

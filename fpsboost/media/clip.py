@@ -20,7 +20,7 @@ from fpsboost.media.clock import VideoClock, in_rising_order, survey
 from fpsboost.media.demuxer import Demuxer, VideoFile, is_fragmented, is_raw, left_out_remarks, read_packets
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
-from fpsboost.media.frame_rate import assumed_rate_remark, measured_cadence, nominal_rate
+from fpsboost.media.frame_rate import assumed_rate_remark, measure_rate, nominal_rate
 from fpsboost.media.info import ClipInfo
 from fpsboost.media.opening import open_video
 from fpsboost.media.output import StreamInfo
@@ -175,7 +175,7 @@ class Clip:
         with open_video(self.path, self._name, playlists=self._reading.allow_playlists) as file:
             times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
-        cadence = None if tick is None else measured_cadence(times, tick)
+        measured = None if tick is None else measure_rate(times, tick)
         self.remarks += left_out_remarks(self._demuxer.container, stream, self._name)
         if ORDER in unread_of_chapters(self._demuxer.container):
             self.remarks.append(
@@ -183,7 +183,7 @@ class Clip:
                 "they lie in it."
             )
         raw = is_raw(self._demuxer.container)
-        said_rate, rate_is_known = nominal_rate(stream, cadence, raw=raw)
+        said_rate, rate_is_known = nominal_rate(stream, measured, raw=raw)
         coded_rate = self._reading.input_fps or said_rate
         if self._reading.input_fps and rate_is_known and not raw:
             raise OptionError(f"`input_fps` is for images and raw streams; {self._name} says its own frame rate.")
@@ -207,7 +207,7 @@ class Clip:
             time_base=self._clock.time_base,
             frame_count=None if is_fragmented(stream) else fields * stream.frames or None,
             duration=None if (duration := self._demuxer.duration) is None else duration * tick,
-            mean_rate=None if cadence is None else cadence.mean_rate * fields,
+            mean_rate=None if measured is None else measured.mean_rate * fields,
         )
 
     def _check_clear(self, clear: Fraction | None) -> None:

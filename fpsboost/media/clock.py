@@ -9,15 +9,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import av
 from av.container import InputContainer
 
 from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
-from fpsboost.media.info import Passage
 from fpsboost.media.pyav import as_fraction
 from fpsboost.media.remarks import Damage, counted
+from fpsboost.media.time_map import TimeMap
 
 T = TypeVar("T")
 
@@ -82,28 +82,6 @@ def survey(container: InputContainer, video: int) -> tuple[list[int], Fraction, 
     if keeps_delays or (start < 0 and (container.format.name == "ogg" or not clock_may_jump(container))):
         start = Fraction(0)
     return listed or sorted(set(times)), start, clear
-
-
-class TimeMap(Protocol):
-    """Contract: map of output times to source times, both in seconds from the beginning of a window."""
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether the source plays at one speed, in one passage, to its end."""
-
-    @property
-    def reverses(self) -> bool:
-        """Whether the source plays backwards somewhere."""
-
-    @property
-    def sounding(self) -> Sequence[Passage]:
-        """Passages whose sound is heard, each at one speed."""
-
-    def time_of(self, source: Fraction) -> Fraction:
-        """Return the output time at which the source first reaches a time."""
-
-    def passages(self, begin: Fraction, end: Fraction) -> Sequence[tuple[Fraction, Fraction]]:
-        """Return the output times, from and to, between which a part of the source, `begin` to `end`, is shown."""
 
 
 @dataclass

@@ -29,9 +29,10 @@ from av.packet import PacketSideData, PktSideDataT
 from av.stream import Stream
 
 from fpsboost.media.clock import Window
-from fpsboost.media.info import FOREVER, Passage
+from fpsboost.media.info import FOREVER
 from fpsboost.media.pyav import REFUSALS, Packet, pulled
 from fpsboost.media.sound_formats import BITRATE_PER_CHANNEL, Traits, is_lossless, named_layout, traits_for
+from fpsboost.media.time_map import Segment
 
 MIN_GAP = Fraction(1, 50)
 """Minimum distance of audio from the end of its run that is a gap, seconds: above jitter, and a lost packet."""
@@ -43,9 +44,9 @@ FLUSH_SILENCE = Fraction(1, 4)
 SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
 """Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
 SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
-WHOLE = Passage(-FOREVER, FOREVER, -FOREVER, FOREVER)
+WHOLE = Segment(-FOREVER, FOREVER, -FOREVER, FOREVER)
 """All of a source, with what lies before time 0."""
-FROM_START = Passage(Fraction(0), FOREVER, Fraction(0), FOREVER)
+FROM_START = Segment(Fraction(0), FOREVER, Fraction(0), FOREVER)
 """All of a part at its own speed."""
 
 
@@ -194,7 +195,7 @@ class EncodedSound:
                 self._end_run()
 
     @cached_property
-    def _pieces(self) -> list[Passage]:
+    def _pieces(self) -> list[Segment]:
         """Parts of the source that are heard, at its own times; none after its end."""
         if self._window is None:
             return [WHOLE]
@@ -204,7 +205,7 @@ class EncodedSound:
         heard = [FROM_START] if curve is None else curve.sounding
         return [replace(x, source0=begin + x.source0, source1=min(begin + x.source1, last)) for x in heard]
 
-    def _stretch(self, frame: AudioFrame, time: Fraction, first: int, last: int, piece: Passage) -> None:
+    def _stretch(self, frame: AudioFrame, time: Fraction, first: int, last: int, piece: Segment) -> None:
         """Stretch and encode some samples of a frame that begins at a time."""
         run = self._run
         stretch = 1 / piece.slope0

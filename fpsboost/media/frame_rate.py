@@ -38,8 +38,8 @@ MAX_DENOMINATORS = (1, 100, 10_000)
 
 
 @dataclass(frozen=True)
-class Cadence:
-    """Usual interval between frames, seconds, as measured by `measured_cadence`.
+class MeasuredRate:
+    """Usual interval between frames, seconds, as measured by `measure_rate`.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ class Cadence:
         return missed * self.count < MAX_DRIFT if self.is_constant else missed < Fraction(1, 100)
 
 
-def nominal_rate(stream: av.VideoStream, cadence: Cadence | None, *, raw: bool = False) -> tuple[Fraction, bool]:
+def nominal_rate(stream: av.VideoStream, measured: MeasuredRate | None, *, raw: bool = False) -> tuple[Fraction, bool]:
     """Return the frame rate of a stream, or its most frequent rate if it varies, and whether it is known.
 
     Of the rates that agree with the presentation times, the declared rate is chosen, else a standard rate, else the
     measured rate. FFmpeg's mean includes pauses and damage, so it is used only if it is a standard rate, or if no other
-    rate fits. A single interval that is too long or too short has no effect. Without enough times there is no cadence.
+    rate fits. A single interval that is too long or too short has no effect. Without enough times nothing is measured.
 
     Of a `raw` stream only the codec's own headers count, since FFmpeg gives 25 where they say nothing. There, a number
     that no display and no camera reaches, such as 1000 or 90000, counts ticks of a clock.
@@ -90,27 +90,27 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None, *, raw: bool =
         for rate in map(as_fraction, rates)
         if rate is not None and 0 < rate <= (MAX_DISPLAY_RATE if raw else MAX_RATE)
     ]
-    if cadence is None:
+    if measured is None:
         return (declared[0], True) if declared else (ASSUMED_RATE, False)
     # the nearest integer rate and NTSC rate (14.985, 23.976, 29.97 and their multiples), then the nearest half
-    rate = 1 / cadence.interval
+    rate = 1 / measured.interval
     ntsc = 3 * round(rate * 1001 / 3000) * Fraction(1000, 1001)
     standard = sorted([Fraction(round(rate)), ntsc], key=lambda usual: abs(usual - rate))
     usual = [each for each in (*standard, Fraction(round(2 * rate), 2)) if each > 0]
     # A frame duration that is no whole number of ticks was rounded: 19001/317 is 59.94 in Matroska's nanoseconds.
-    countable = [rate for rate in declared[:1] if (1 / rate / cadence.tick).denominator == 1]
+    countable = [rate for rate in declared[:1] if (1 / rate / measured.tick).denominator == 1]
     preferred = [*countable, *(rate for rate in declared if rate in usual), *usual, *declared[:1]]
-    exact = [rate for rate in preferred if cadence.is_exactly(rate)]
-    considered = declared if cadence.is_constant else [*declared, *usual]
-    near = [rate for rate in considered if cadence.is_nearly(rate)]
-    measured = [rate.limit_denominator(most) for most in MAX_DENOMINATORS]
-    simplest = next((rate for rate in measured if rate > 0 and cadence.is_exactly(rate)), measured[-1])
+    exact = [rate for rate in preferred if measured.is_exactly(rate)]
+    considered = declared if measured.is_constant else [*declared, *usual]
+    near = [rate for rate in considered if measured.is_nearly(rate)]
+    simple = [rate.limit_denominator(most) for most in MAX_DENOMINATORS]
+    simplest = next((rate for rate in simple if rate > 0 and measured.is_exactly(rate)), simple[-1])
     candidates = [*exact, *near, simplest, *declared[:1]]
-    return next((rate for rate in candidates if not is_implausible(rate, cadence.mean_rate)), candidates[0]), True
+    return next((rate for rate in candidates if not is_implausible(rate, measured.mean_rate)), candidates[0]), True
 
 
-def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
-    """Return the cadence of presentation times in increasing order, ticks; None for fewer than two different times."""
+def measure_rate(times: Sequence[int], tick: Fraction) -> MeasuredRate | None:
+    """Measure the rate of presentation times in increasing order, ticks; None for fewer than two different times."""
     intervals = [after - before for before, after in pairwise(times) if after > before]
     if not intervals:
         return None
@@ -126,7 +126,7 @@ def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
         abs(after - middle) <= margin < abs(before - middle) for before, after in pairwise([middle, *intervals])
     )
     jitter = max(1, statistics.median_high([abs(interval - middle) for interval in usual]))
-    return Cadence(
+    return MeasuredRate(
         interval=Fraction(sum(usual), len(usual)) * tick,
         error=Fraction(rows * jitter, len(usual)) * tick,
         count=len(usual),

@@ -38,24 +38,6 @@ FOREVER = Fraction(10**9)
 
 
 @dataclass(frozen=True)
-class Passage:
-    """Passage of a clip between two output times."""
-
-    begin: Fraction
-    """Output time of the beginning, seconds."""
-    end: Fraction
-    """Output time of the end, seconds."""
-    source0: Fraction
-    """Source time at the beginning, seconds."""
-    source1: Fraction
-    """Source time at the end, seconds."""
-    slope0: Fraction = Fraction(1)
-    """Speed at the beginning: seconds of the source per second of the output."""
-    slope1: Fraction = Fraction(1)
-    """Speed at the end."""
-
-
-@dataclass(frozen=True)
 class OutputTiming:
     """Rate and time base of an output, which encoders and containers are set to."""
 

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fpsboost.media.clock import TimeMap, Window
+from fpsboost.media.clock import Window
 from fpsboost.media.containers import MATROSKA_TICK, Container, containers_by_suffix
 from fpsboost.media.demuxer import VideoFile
 from fpsboost.media.errors import OutputError
 from fpsboost.media.info import ClipInfo, EncodeSettings, OutputTiming
 from fpsboost.media.staging import JobFingerprint, OutputPart
+from fpsboost.media.time_map import TimeMap
 from fpsboost.media.traits import VideoTraits
 
 

@@ -34,7 +34,6 @@ from fpsboost.media import Window, pyav_version, write_safely
 from fpsboost.preparation import ConversionJob, Preparation, opened_part, prepared
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.time_map import TimeMap
 
 MANIFEST_NAME = "part.json"
 """Name of the manifest in the folder of a part."""
@@ -129,30 +128,30 @@ class ReadsFiles(Protocol):
         """All files."""
 
 
-def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:
-    """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
-
-    Options that read files contribute the state of the files, too, by `fingerprint_files` or another function.
-    """
-    facts = (_facts(name, value, state_of or fingerprint_files) for name, value in values.items())
-    return dict(fact for facts_of_value in facts for fact in facts_of_value)
-
-
-def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> Iterator[tuple[str, str]]:
-    if isinstance(value, ReadsFiles):
-        yield f"{name}_files", state_of(value.files)
-    if not is_dataclass(value):
-        yield name, str(value)
-        return
-    yield name, type(value).__name__
-    for field in fields(value):
-        yield from _facts(f"{name}.{field.name}", getattr(value, field.name), state_of)
-
-
 def fingerprint_files(files: Iterable[Path]) -> str:
     """Return a digest of names, sizes and modification times, which changes if a file is replaced."""
     listed = json.dumps([(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files])
     return hashlib.sha256(listed.encode()).hexdigest()
+
+
+def fingerprint_options(
+    state_of: Callable[[Iterable[Path]], str] = fingerprint_files, /, **values: Any
+) -> dict[str, str]:
+    """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
+
+    Options that read files contribute the state of the files, too, by `fingerprint_files` or another function.
+    """
+    facts: dict[str, str] = {}
+    for name, value in values.items():
+        if isinstance(value, ReadsFiles):
+            facts[f"{name}_files"] = state_of(value.files)
+        if is_dataclass(value):
+            facts[name] = type(value).__name__
+            parts = {f"{name}.{field.name}": getattr(value, field.name) for field in fields(value)}
+            facts |= fingerprint_options(state_of, **parts)
+        else:
+            facts[name] = str(value)
+    return facts
 
 
 def identify_files(files: Iterable[Path]) -> str:
@@ -216,10 +215,6 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, set) else str(value)
 
 
-concrete_types: Mapping[Any, dict[str, Any]] = {Window: {"curve": TimeMap | None}}
-"""Types of the fields of dataclasses that name contracts."""
-
-
 def from_json(kind: Any, value: Any) -> Any:
     """Return the object of a type that a manifest has stored.
 
@@ -241,7 +236,7 @@ def from_json(kind: Any, value: Any) -> Any:
     if type(None) in kinds:
         return from_json(kinds[0], value)
     if is_dataclass(kind):
-        hints = {**get_type_hints(kind), **concrete_types.get(kind, {})}
+        hints = get_type_hints(kind)
         return kind(**{name: from_json(hints[name], item) for name, item in value.items()})  # type: ignore[operator]
     return _collection(get_origin(kind), kinds, value)
 

@@ -6,7 +6,7 @@ is left in a file beside the parts, so that not every part has to read the whole
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -180,27 +180,21 @@ def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
 def _measured(ready: Preparation) -> tuple[int, int]:
     """Return the number of output frames, and how many of them stay together.
 
-    Raises `OptionError` if the input or the output cannot be cut into parts.
+    The list of frames in the folder of all parts is used if there is one. Raises `OptionError` if the input or the
+    output cannot be cut into parts.
     """
     ready.target.check_parts()
     clip = ready.clip
-    times = frame_times(clip, parts_folder(ready.target.path))
+    if isinstance(clip.whole, VideoSource):
+        index = read_index(parts_folder(ready.target.path), input_identity(clip))
+        clip.whole.frame_index = index or clip.whole.frame_index
+    times = clip.source.frame_times()
     info = Edit.whole(times).of_info(clip.source.info) if times else clip.source.info
     total = count_frames(ready.base_schedule, info, ready.target.has_clock)
     check_together(ready.job.rate.names_given() | {"chunk"})
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{info.name} does not declare its number of frames; convert it in one run.")
     return total, CHUNK_FRAMES if ready.target.kind == "video" else 1
-
-
-def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
-    """Return the times of all frames of a clip; None if they are unknown.
-
-    They are read from the list in the folder of all parts if there is one.
-    """
-    if isinstance(clip.whole, VideoSource):
-        clip.whole.frame_index = read_index(folder, input_identity(clip)) or clip.whole.frame_index
-    return clip.source.frame_times()
 
 
 def share_index(clip: OpenedClip, folder: Path) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import accumulate
 
-from fpsboost.media import ClipInfo
+from fpsboost.media import ClipInfo, Segment, TimeMap
 
 BLOCK = 16
 """Frames that are in memory at a time where a clip plays backwards."""
@@ -57,6 +58,35 @@ class Edit:
         places = [divmod(number, count) for number in range(-context, count + context)]
         times = [self.times[place] + turn * duration for turn, place in places]
         return Edit([self.frames[place] for _, place in places], times)
+
+    def unfolded(self, curve: TimeMap) -> tuple[Edit, TimeMap]:
+        """Return the edit with its frames as often as a curve passes them, and the curve, which then never falls.
+
+        Times count from 0 on. The clip turns behind the frame that encloses the turn.
+        """
+        times = self.times
+        # beyond the last frame, that one is shown
+        last = len(times) - 1
+        ends = [*times, curve.top]
+        stop = last if curve.is_open or curve.top <= times[-1] else last + 1
+        first = curve.segments[0]
+        sign = -1 if first.source1 < first.source0 else 1
+        place = min(bisect_left(times, first.source0), stop) if sign < 0 else bisect_right(times, first.source0) - 1
+        places = [place]
+        displayed = [Fraction(0)]
+        segments = list[Segment]()
+        for each in curve.segments:
+            if each.source1 != each.source0:
+                sign = -1 if each.source1 < each.source0 else 1
+            offset = displayed[-1] - sign * ends[places[-1]]
+            target = bisect_left(times, each.source1) if sign > 0 else bisect_right(times, each.source1) - 1
+            for place in range(places[-1] + sign, min(target, stop) + sign, sign):
+                places.append(place)
+                displayed.append(offset + sign * ends[place])
+            source0, source1, *slopes = (sign * x for x in (each.source0, each.source1, each.slope0, each.slope1))
+            segments.append(Segment(each.begin, each.end, offset + source0, offset + source1, *slopes))
+        frames = [self.frames[min(place, last)] for place in places]
+        return Edit(frames, displayed), TimeMap(tuple(segments), curve.is_open)
 
     def of_info(self, info: ClipInfo) -> ClipInfo:
         """Return the properties of the edited clip, whose last frame lasts one interval."""

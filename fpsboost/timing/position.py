@@ -174,10 +174,9 @@ class Trim(Checked):
         """
 
         def first_at(place: Position) -> int:
-            def is_reached(number: int) -> bool:
-                return place.is_reached(number, times[number] - times[0] + tolerance)
-
-            return bisect_left(range(len(times)), True, key=is_reached)
+            if place.is_frame:
+                return min(math.ceil(place.value), len(times))
+            return bisect_left(times, times[0] + place.value - tolerance)
 
         first = 0 if self.start is None else first_at(self.start)
         return range(first, len(times) if self.end is None else first_at(self.end))

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from fpsboost.errors import InputError, OptionError, rounded
-from fpsboost.media import FOREVER, OutputTiming, is_implausible
+from fpsboost.media import ALL_SPEEDS, FOREVER, OutputTiming, TimeMap, is_implausible
 from fpsboost.options import AnyDuplicates, Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Gaps, Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
@@ -27,7 +27,6 @@ from fpsboost.timing.schedule import (
     parse_rate,
     representable,
 )
-from fpsboost.timing.time_map import ALL_SPEEDS, TimeMap
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo

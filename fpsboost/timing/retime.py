@@ -5,9 +5,9 @@ from fractions import Fraction
 from pathlib import Path
 
 from fpsboost.errors import OptionError, explained
+from fpsboost.media import TimeMap
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.schedule import parse_number
-from fpsboost.timing.time_map import TimeMap
 
 
 def read_curve(text: str, option: str = "`retime`") -> str:

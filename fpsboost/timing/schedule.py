@@ -18,9 +18,8 @@ from fractions import Fraction
 from typing import Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
 from fpsboost.errors import OptionError
-from fpsboost.media import FOREVER, ClipInfo
+from fpsboost.media import FOREVER, ClipInfo, TimeMap
 from fpsboost.options import Checked, Range, check_type
-from fpsboost.timing.time_map import TimeMap
 
 MAX_FACTOR = 1000
 """Largest number of output frames per source frame."""
@@ -216,7 +215,7 @@ class RetimeSchedule(ByRate):
     shutter : Shutter, optional
         Shutter for motion blur.
     curve : TimeMap
-        Map of output times to source times; one that plays backwards is unfolded before, see `TimeMap.unfolded`.
+        Map of output times to source times; one that plays backwards is unfolded before, see `Edit.unfolded`.
     """
 
     curve: TimeMap = field(kw_only=True)

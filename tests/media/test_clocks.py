@@ -16,7 +16,7 @@ from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.cli.options import in_flags
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.clock import in_rising_order
-from fpsboost.media.frame_rate import measured_cadence, nominal_rate
+from fpsboost.media.frame_rate import measure_rate, nominal_rate
 from fpsboost.media.remarks import Damage
 from fpsboost.media.reorder_buffer import ReorderBuffer
 from fpsboost.probing import probe
@@ -277,7 +277,7 @@ def test_a_high_speed_camera_keeps_its_frames(tmp_path, rate):
 def rate_by(times, tick, guessed=None, average=None):
     """The rate of a stream with these times, of which FFmpeg says so much."""
     stream: Any = SimpleNamespace(guessed_rate=guessed, average_rate=average)
-    return nominal_rate(stream, measured_cadence(times, tick))[0]
+    return nominal_rate(stream, measure_rate(times, tick))[0]
 
 
 @pytest.mark.parametrize("rate", [24 * NTSC, 24, 25, 30 * NTSC, 30, 50, 60 * NTSC, 60, 120 * NTSC, 120, 144, 15 * NTSC])

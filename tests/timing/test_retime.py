@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpsboost import OptionError, OutputRange, Part, RunOptions, convert, join, run_conversion, stream
+from fpsboost.media import TimeMap
 from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.retime import parse_curve, parse_speeds
 from fpsboost.timing.schedule import count_frames
-from fpsboost.timing.time_map import TimeMap
 from support.conversion_options import grouped
 from support.memory_frames import BLEND, FAST, FakeSink, FakeSource, regular
 from support.video_truth import copy_packets, packets_of, pictures_of, scene, write_clip

@@ -33,7 +33,7 @@ _colour_attributes = ("chromaticities", "whiteLuminance")
 _per_file = ("channels", "chunkCount", "name")  # of a header: what the library writes by itself
 
 
-class Window(NamedTuple):
+class PixelWindow(NamedTuple):
     """Rectangle of pixels, both ends included, as OpenEXR's data and display windows."""
 
     left: int
@@ -57,7 +57,7 @@ class ExrPart:
         Name of the part; empty in a file with one part.
     channels : Mapping
         Types of the channels, by their stored names, in alphabetical order.
-    data, display : Window
+    data, display : PixelWindow
         Windows of the pixels that are stored, and of those that are shown.
     attributes : Mapping
         All other attributes, as OpenEXR's library has them.
@@ -65,8 +65,8 @@ class ExrPart:
 
     name: str
     channels: Mapping[str, Precision]
-    data: Window
-    display: Window
+    data: PixelWindow
+    display: PixelWindow
     attributes: Mapping[str, Any]
 
     def full_name(self, channel: str) -> str:
@@ -91,7 +91,7 @@ class ExrHeader:
         return {name: part.channels[own] for name, (part, own) in self.places.items()}
 
     @property
-    def display(self) -> Window:
+    def display(self) -> PixelWindow:
         """Display window, which is the same for all parts."""
         return self.parts[0].display
 
@@ -160,7 +160,7 @@ def _types_of(path: Path) -> list[dict[str, Precision]]:
 def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) -> ExrPart:
     """Describe a part by its header; raise ValueError for an empty window."""
     data, display = (
-        Window(*(int(number) for corner in header[window] for number in corner))
+        PixelWindow(*(int(number) for corner in header[window] for number in corner))
         for window in ("dataWindow", "displayWindow")
     )
     if min(data.size + display.size) < 1:
@@ -255,7 +255,7 @@ def _encoded(file: Any) -> bytes:
     return stream.getvalue()
 
 
-def _in_display_window(plane: np.ndarray, data: Window, display: Window) -> np.ndarray:
+def _in_display_window(plane: np.ndarray, data: PixelWindow, display: PixelWindow) -> np.ndarray:
     """Move a plane from its data window to the display window, with zeros outside of the data."""
     if data == display:
         return plane

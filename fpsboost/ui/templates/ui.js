@@ -423,7 +423,7 @@ function scaleOf(points) {
   return { end: points.at(-1)[0] * 1.15, top: Math.max(length(), ...points.map((point) => point[1])) };
 }
 
-/** Slopes of a monotone cubic at its points, as in fpsboost/timing/time_map.py. */
+/** Slopes of a monotone cubic at its points, as in fpsboost/media/time_map.py. */
 function slopesOf(points) {
   const widths = points.slice(1).map(([x], k) => x - points[k][0]);
   const rises = points.slice(1).map(([, y], k) => (y - points[k][1]) / widths[k]);

@@ -15,8 +15,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import accumulate, pairwise
 
-from fpsboost.media import FOREVER, Passage
-from fpsboost.timing.edit import Edit
+from fpsboost.media.info import FOREVER
 
 SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
 """Lowest and highest speed at which sound is stretched at its pitch by default."""
@@ -29,8 +28,21 @@ MIN_SOUND = Fraction(1, 4)
 
 
 @dataclass(frozen=True)
-class Segment(Passage):
+class Segment:
     """Part of a time map between two output times: a line, or a monotone cubic."""
+
+    begin: Fraction
+    """Output time of the beginning, seconds."""
+    end: Fraction
+    """Output time of the end, seconds."""
+    source0: Fraction
+    """Source time at the beginning, seconds."""
+    source1: Fraction
+    """Source time at the end, seconds."""
+    slope0: Fraction = Fraction(1)
+    """Speed at the beginning: seconds of the source per second of the output."""
+    slope1: Fraction = Fraction(1)
+    """Speed at the end."""
 
     @property
     def speed(self) -> Fraction | None:
@@ -148,43 +160,6 @@ class TimeMap:
         first = self.segments[0]
         ends = self.is_open or self.segments[0].source1 == duration
         return len(self.segments) == 1 and first.speed == 1 and not first.source0 and ends
-
-    def unfolded(self, times: Sequence[Fraction]) -> tuple[Edit, TimeMap]:
-        """Return an equivalent map that never plays backwards, of a clip whose frames repeat instead.
-
-        Parameters
-        ----------
-        times : sequence of Fraction
-            Times of the source's frames, seconds, increasing.
-
-        Returns
-        -------
-        edit : Edit
-            The source's frames in the order of the output, as often as each is passed, at times from 0 on.
-        curve : TimeMap
-            Map of output times to times of the unfolded clip. The source turns behind the frame that encloses the turn.
-        """
-        # beyond the last frame, that one is shown
-        last = len(times) - 1
-        ends = [*times, self.top]
-        stop = last if self.is_open or self.top <= times[-1] else last + 1
-        first = self.segments[0]
-        sign = -1 if self.segments[0].source1 < self.segments[0].source0 else 1
-        place = min(bisect_left(times, first.source0), stop) if sign < 0 else bisect_right(times, first.source0) - 1
-        places = [place]
-        displayed = [Fraction(0)]
-        segments = list[Segment]()
-        for each in self.segments:
-            if each.source1 != each.source0:
-                sign = -1 if each.source1 < each.source0 else 1
-            offset = displayed[-1] - sign * ends[places[-1]]
-            target = bisect_left(times, each.source1) if sign > 0 else bisect_right(times, each.source1) - 1
-            for place in range(places[-1] + sign, min(target, stop) + sign, sign):
-                places.append(place)
-                displayed.append(offset + sign * ends[place])
-            source0, source1, *slopes = (sign * x for x in (each.source0, each.source1, each.slope0, each.slope1))
-            segments.append(Segment(each.begin, each.end, offset + source0, offset + source1, *slopes))
-        return Edit([min(place, last) for place in places], displayed), TimeMap(tuple(segments), self.is_open)
 
     def source(self, time: Fraction) -> Fraction:
         """Return the source time that an output time shows, seconds; the last one after the end."""
