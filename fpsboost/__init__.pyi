@@ -66,13 +66,13 @@ from .streaming import run_conversion as run_conversion
 from .synthesis import FramePair as FramePair
 from .synthesis import InterpolatedImage as InterpolatedImage
 from .synthesis import Synthesizer as Synthesizer
+from .timing.options import FrameIntervals as FrameIntervals
+from .timing.options import Timing as Timing
 from .timing.position import Gaps as Gaps
 from .timing.position import Position as Position
 from .timing.position import Replacement as Replacement
 from .timing.position import Trim as Trim
 from .timing.position import format_time as format_time
-from .timing.rate import FrameIntervals as FrameIntervals
-from .timing.rate import OutputRate as OutputRate
 from .timing.schedule import ByFactor as ByFactor
 from .timing.schedule import ByRate as ByRate
 from .timing.schedule import Schedule as Schedule

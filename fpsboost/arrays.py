@@ -25,7 +25,7 @@ from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF, find_method
 from fpsboost.options import PathName, Range, Rate, checked
 from fpsboost.streaming import interpolate_frames
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.options import Timing
 from fpsboost.timing.schedule import MAX_FACTOR, MAX_RATE, parse_rate
 
 
@@ -87,15 +87,15 @@ def stream(
     [0, 20, 40, 60, 80, 80]
     """
     interpolator = find_method(method)
-    rate = OutputRate(factor, fps, retime=retime)
+    timing = Timing(factor, fps, retime=retime)
     decoding = DecodeOptions(input_fps=input_fps)
     limit = MemoryLimit(bytes_per_pixel=BYTES_PER_PIXEL_OF.get(type(interpolator.estimator), BYTES_PER_PIXEL))
     linear = interpolator.takes_layers
     with _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None) as opened:
-        curve = rate.time_map(opened.info)
+        curve = timing.time_map(opened.info)
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
-        schedule = rate.schedule(opened.info, curve=curve)
+        schedule = timing.schedule(opened.info, curve=curve)
         with interpolate_frames(opened, interpolator, schedule, Summary(), threads=threads) as frames:
             for frame in frames:
                 yield frame.array
@@ -232,7 +232,7 @@ def interpolate_clip(
     [0, 20, 40, 60, 80, 40]
     """
     rate = parse_rate(str(fps), "`fps`")
-    target = rate * OutputRate(factor).multiple if to_fps is None else parse_rate(str(to_fps), "`to_fps`")
+    target = rate * Timing(factor).multiple if to_fps is None else parse_rate(str(to_fps), "`to_fps`")
     if None not in (to_fps, factor):
         check_together({"to_fps", "factor"})
     if min(rate, target) <= 0:
@@ -332,7 +332,7 @@ def _clip_frames(
     with interpolate_frames(
         source,
         interpolator,
-        OutputRate(fps=target).schedule(source.info),
+        Timing(fps=target).schedule(source.info),
         Summary(),
         threads=threads,
         outputs=OutputRange(stop=total, entry=Entry(-len(before), start, math.ceil(-start * target))),

@@ -34,7 +34,7 @@ from fpsboost.preparation import (
 from fpsboost.run_options import RunObserver, RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.threads import available_cores
-from fpsboost.timing.rate import OutputRate, exposed
+from fpsboost.timing.options import Timing, exposed
 
 
 @checked
@@ -43,7 +43,7 @@ def convert(
     output: PathName | None = None,
     *,
     method: str | Interpolator = "nlm",
-    rate: OutputRate | None = None,
+    timing: Timing | None = None,
     decoding: DecodeOptions | None = None,
     encoding: Encoding | None = None,
     run: RunOptions | None = None,
@@ -60,7 +60,7 @@ def convert(
         missing numbers. Without `output`, a name beside the input, as on the command line: ``in-2x.mp4``.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
-    rate : OutputRate, optional
+    timing : Timing, optional
         Frames per second, or a factor, which is 2 by default; slow motion, speed ramps, loops, or only the images
         that are missing.
     decoding : DecodeOptions, optional
@@ -88,22 +88,22 @@ def convert(
     --------
     >>> convert("in.mp4")  # doctest: +SKIP
     >>> convert("in.mp4", "out.mp4", fps=60, overwrite=True)  # doctest: +SKIP
-    >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
+    >>> convert("in.mp4", "out.mp4", timing=Timing(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
     mask = options.pop("mask", None)
     interpolator = find_method(method)
     groups = {
-        "rate": rate or OutputRate(),
+        "timing": timing or Timing(),
         "decoding": decoding or DecodeOptions(),
         "encoding": encoding or Encoding(),
         "run": run or RunOptions(),
     }
-    rate, decoding, encoding, run = (with_options(group, options, name) for name, group in groups.items())
+    timing, decoding, encoding, run = (with_options(group, options, name) for name, group in groups.items())
     for name in options:
         choices = ["method", "mask", *groups, *chain(*map(names_in, groups.values()))]
         raise OptionError(f"convert takes no {name}; {choose_one(name, choices)}")
     interpolator = interpolator if mask is None else replace(interpolator, mask=Mask(mask))
-    return convert_job(ConversionJob(input, output, rate, interpolator, decoding, encoding), run)
+    return convert_job(ConversionJob(input, output, timing, interpolator, decoding, encoding), run)
 
 
 @checked
@@ -131,7 +131,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             threads = memory_limit(job, run).affordable_threads(info.width, info.height, available_cores(), planes)
         observer = RunObserver(run)
         source: FrameSource = clip.source
-        if job.rate.loop:
+        if job.timing.loop:
             keeps_sound = ready.target.kind == "video" and output.encoding.audio
             source, outputs = looped(clip, ready.base_schedule, keeps_sound=keeps_sound)
         else:
@@ -148,9 +148,9 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     source,
                     ready.interpolator,
                     sink,
-                    exposed(ready.base_schedule, job.rate),
+                    exposed(ready.base_schedule, job.timing),
                     observer,
-                    stretch=job.rate.stretch,
+                    stretch=job.timing.stretch,
                     threads=threads,
                     outputs=replace(outputs, skip=there),
                 )

@@ -25,8 +25,8 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.media import TimeMap, Window, counted
 from fpsboost.streaming import positions_of
 from fpsboost.timing.edit import Edit
+from fpsboost.timing.options import readable
 from fpsboost.timing.position import Gaps
-from fpsboost.timing.rate import readable
 from fpsboost.timing.schedule import MAX_FILLED, ByRate, Schedule, count_frames
 
 MAX_LISTED = 40  # gaps that a remark lists

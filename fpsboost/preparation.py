@@ -39,8 +39,8 @@ from fpsboost.render.fitting import fit_vectors
 from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.edit import Edit
+from fpsboost.timing.options import FrameIntervals, Timing, readable
 from fpsboost.timing.position import Trim, format_time
-from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
 
 OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
@@ -62,7 +62,7 @@ class ConversionJob(Checked):
 
     input: PathName
     output: PathName | None
-    rate: OutputRate
+    timing: Timing
     method: Interpolator
     decoding: DecodeOptions = DecodeOptions()
     encoding: Encoding = field(default_factory=Encoding)
@@ -73,7 +73,7 @@ class ConversionJob(Checked):
 
     def of_part(self, trim: Trim) -> ConversionJob:
         """Return the same conversion of a part of the clip, which is no loop by itself."""
-        return replace(self, rate=replace(self.rate, loop=False), decoding=replace(self.decoding, trim=trim))
+        return replace(self, timing=replace(self.timing, loop=False), decoding=replace(self.decoding, trim=trim))
 
     def target(self, run: RunOptions) -> Target:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
@@ -101,38 +101,38 @@ def _edited(clip: OpenedClip, job: ConversionJob) -> OpenedClip:
     if clip.curve is not None and clip.curve.reverses:
         check_together(job.names_given() | {"`retime` that plays backwards"})
         return played_backwards(clip, clip.curve)
-    if job.rate.duplicates == "drop":
+    if job.timing.duplicates == "drop":
         return without_repeats(clip, job.method.duplicates or DuplicateDetector())
-    return clip if job.rate.gaps is None else with_gaps(clip, job.rate.gaps)
+    return clip if job.timing.gaps is None else with_gaps(clip, job.timing.gaps)
 
 
 @contextmanager
 def opened_part(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
     """Open the part of its source that a job converts, while the block lasts; see `fpsboost.io.opening.open_source`."""
-    rate = job.rate
+    timing = job.timing
     method = job.method
     target = job.target(run)
     requirements = target.requirements(
         job.encoding,
-        needs_rate=rate.fps is not None or job.decoding.trim.needs_rate,
-        takes_planes=method.takes_planes and rate.shutter is None,
-        takes_layers=method.takes_layers and rate.shutter is None,
+        needs_rate=timing.fps is not None or job.decoding.trim.needs_rate,
+        takes_planes=method.takes_planes and timing.shutter is None,
+        takes_layers=method.takes_layers and timing.shutter is None,
     )
     with open_source(
         os.fspath(job.input),
         requirements=requirements,
         decoding=job.decoding,
-        fill_gaps=rate.fill_gaps,
+        fill_gaps=timing.fill_gaps,
         in_place=run.in_place,
         limit=memory_limit(job, run),
     ) as whole:
         images = whole.stream_info.images
-        _check_layers(images, method, rate)
+        _check_layers(images, method, timing)
         trim = job.decoding.trim
-        info = with_duration(whole) if rate.retimes else whole.info
-        curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
-        may_skip = not counts_frames(method.cuts, method.mask) and rate.replace is None
-        source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
+        info = with_duration(whole) if timing.retimes else whole.info
+        curve = timing.time_map(trim.of_info(info), 1 if images is None else images.first_number)
+        may_skip = not counts_frames(method.cuts, method.mask) and timing.replace is None
+        source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or timing.slow_map)
         yield OpenedClip(target, whole, source, partial(read_again, job, run, whole), window, curve, curve)
 
 
@@ -177,19 +177,21 @@ def prepared(job: ConversionJob, run: RunOptions) -> Iterator[Preparation]:
 def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparation:
     """Work out the frames and the output of a job; raise `OptionError` or `InputError` if they do not fit the clip."""
     target = clip.target
-    rate = job.rate
+    timing = job.timing
     interpolator = job.method
     info = clip.source.info
     stream = clip.whole.stream_info
-    if rate.replace is not None:
-        rate.replace.check("replace", clip.whole.info)
-    encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.clip_curve, target.path)
-    schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
+    if timing.replace is not None:
+        timing.replace.check("replace", clip.whole.info)
+    encoding, lost = _adapt_audio(job.encoding, stream, timing, clip.clip_curve, target.path)
+    schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     most = target.highest_rate
-    asked = rate.timing(info, schedule).rate
-    if most is not None and asked > most and rate.follows_source:
-        rate = replace(rate, fps=most) if rate.slow_motion else replace(rate, factor=rate.multiple * most / asked)
-        schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
+    asked = timing.output_timing(info, schedule).rate
+    if most is not None and asked > most and timing.follows_source:
+        timing = (
+            replace(timing, fps=most) if timing.slow_motion else replace(timing, factor=timing.multiple * most / asked)
+        )
+        schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
         lost.append(f"{target.path} has {most} frames per second, the most that {target.file_type} can show.")
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images
@@ -197,28 +199,28 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
     )
     # an image that repeats another is none that is missing
-    if rate.fill_gaps or keeps_numbers or rate.keeps_frames or rate.duplicates != "interpolate":
+    if timing.fill_gaps or keeps_numbers or timing.keeps_frames or timing.duplicates != "interpolate":
         interpolator = replace(interpolator, duplicates=None)
-    if rate.replace is not None:
-        interpolator = replace(interpolator, duplicates=None, replacement=rate.replace)
+    if timing.replace is not None:
+        interpolator = replace(interpolator, duplicates=None, replacement=timing.replace)
     if interpolator.mask is not None:
         # videos come upright where the output is no video
         matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
         is_whole = counts_frames(interpolator.mask) and job.decoding.trim.is_whole
         times = clip.source.frame_times() if is_whole else None
         interpolator = replace(interpolator, mask=interpolator.mask.fitted(info, matrix, times))
-    expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or rate.loop)
+    expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or timing.loop)
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
     output = Output(
         target.path,
         clip.whole.info,
-        rate.timing(info, schedule),
-        replace(stream, plays=0) if rate.loop and stream.plays == 1 else stream,  # played once, it would be no loop
+        timing.output_timing(info, schedule),
+        replace(stream, plays=0) if timing.loop and stream.plays == 1 else stream,  # played once, it would be no loop
         encoding=encoding,
         expected_frames=expected,
         overwrite=run.overwrite,
         window=clip.window,
-        factor=None if clip.curve is not None or rate.duplicates == "drop" or rate.gaps is not None else multiple,
+        factor=None if clip.curve is not None or timing.duplicates == "drop" or timing.gaps is not None else multiple,
         in_place=run.in_place,
     )
     return Preparation(job, run, clip, target, interpolator, schedule, output, [*lost, *on_vectors])
@@ -228,7 +230,7 @@ def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
     """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
     images = ready.clip.whole.stream_info.images
     info = ready.clip.source.info
-    remarks = [*ready.remarks, *ready.job.rate.remarks(info, ready.base_schedule, intervals)]
+    remarks = [*ready.remarks, *ready.job.timing.remarks(info, ready.base_schedule, intervals)]
     if images is not None and images.step > 1 and ready.target.has_rate:
         remarks.append(
             f"`input_fps` counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
@@ -237,12 +239,12 @@ def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
     return remarks
 
 
-def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rate: OutputRate) -> None:
-    if images is None or not images.layers or (interpolator.takes_layers and not (rate.shutter or interpolator.mask)):
+def _check_layers(images: NumberedImages | None, interpolator: Interpolator, timing: Timing) -> None:
+    if images is None or not images.layers or (interpolator.takes_layers and not (timing.shutter or interpolator.mask)):
         return
     first = images.files[0].name
     names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
-    given = interpolator.names_given() | rate.names_given()
+    given = interpolator.names_given() | timing.names_given()
     for option in sorted(given & {"at_cuts='extrapolate'", "match_grain", "mask", "shutter", "uncertain"}):
         raise OptionError(
             f"`{option}` changes the picture alone, and {first} has layers ({names}); leave it out, or give "
@@ -257,30 +259,38 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
 def _resolve_output(job: ConversionJob, run: RunOptions) -> str:
     """Return the name of a job's output; in place, that of its input."""
     if not run.in_place:
-        return output_beside(job.input, job.rate) if job.output is None else os.fspath(job.output)
+        return output_beside(job.input, job.timing) if job.output is None else os.fspath(job.output)
     if job.output is not None:
         raise OptionError(f"`in_place` writes beside the images of {job.input}; leave the output {job.output} out.")
     check_images(os.fspath(job.input), "`in_place`")
     return os.fspath(job.input)
 
 
-def output_beside(clip: PathName, rate: OutputRate) -> str:
+def output_beside(clip: PathName, timing: Timing) -> str:
     """Return the name of an output that is not named: beside the input, with the rate behind its name.
 
     Examples
     --------
-    >>> output_beside("films/in.avi", OutputRate(fps=60))
+    >>> output_beside("films/in.avi", Timing(fps=60))
     'films/in-60fps.mkv'
     """
     input = os.fspath(clip)
     if input in PIPES:
         raise OptionError("There is no output for standard input; name one.")
     if not clip_name(input):
-        return output_beside(str(Path(input).resolve().parent), rate)
-    speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
-    kept = ("dropped" if rate.duplicates == "drop" else "repaired") if rate.keeps_frames else speed
-    parts = ["retimed" if rate.retimes else kept] if rate.fps is None or rate.slow_motion or rate.retimes else []
-    parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
+        return output_beside(str(Path(input).resolve().parent), timing)
+    speed = "filled" if timing.fill_gaps and timing.factor is None else f"{readable(timing.multiple)}x"
+    if timing.keeps_frames:
+        speed = "dropped" if timing.duplicates == "drop" else "repaired"
+    parts = list[str]()
+    if timing.retimes:
+        parts.append("retimed")
+    elif timing.fps is None or timing.slow_motion:
+        parts.append(speed)
+    if timing.slow_motion:
+        parts.append("slow")
+    if timing.fps is not None:
+        parts.append(f"{readable(timing.fps)}fps")
     planned = name_in_folder(input, Path())
     place = Path(input)
     folder = place.resolve().parent if place.name in ("", "..") else place.parent
@@ -344,15 +354,15 @@ def _describe_silence(begin: Fraction, end: Fraction, reasons: Sequence[str]) ->
 
 
 def _adapt_audio(
-    encoding: Encoding, stream: StreamInfo, output_rate: OutputRate, curve: TimeMap | None, path: str
+    encoding: Encoding, stream: StreamInfo, timing: Timing, curve: TimeMap | None, path: str
 ) -> tuple[Encoding, list[str]]:
     """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
     video = stream.video
     name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
-    if curve is not None and curve.sounding and output_rate.slow_motion_sound != "drop":
+    if curve is not None and curve.sounding and timing.slow_motion_sound != "drop":
         passages = ", ".join(_describe_silence(*each) for each in curve.silences)
         return encoding, [f"{path} has no sound {passages}."] if name is not None and passages else []
-    is_kept = output_rate.stretch == 1 or output_rate.slow_motion_sound == "stretch"
+    is_kept = timing.stretch == 1 or timing.slow_motion_sound == "stretch"
     if not encoding.audio or (curve is None and is_kept):
         return encoding, []
     lost = f"{name} has sound, which {'slow motion' if curve is None else 'the retime curve'} leaves out."

@@ -29,7 +29,7 @@ from fpsboost.pair import Pair, with_neighbours
 from fpsboost.preparation import Preparation
 from fpsboost.repair import find_damaged
 from fpsboost.streaming import positions_of
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.options import Timing
 from fpsboost.timing.schedule import count_frames
 
 SEAM_LIMIT = 1.25
@@ -198,9 +198,9 @@ def probe(
         has_clock = beside.images is None
         refused: str | None = None
         try:
-            schedule = OutputRate().schedule(source.info, has_clock=has_clock)
+            schedule = Timing().schedule(source.info, has_clock=has_clock)
         except FpsboostError as error:
-            schedule = OutputRate(keep_timing=True).schedule(source.info, has_clock=has_clock)
+            schedule = Timing(keep_timing=True).schedule(source.info, has_clock=has_clock)
             refused = str(error)
         losses: list[str] = []
         if beside.video is not None and refused is None:

@@ -18,8 +18,8 @@ from fpsboost import (
     InputError,
     OptionError,
     OutputRange,
-    OutputRate,
     Replacement,
+    Timing,
     YCbCrImage,
     convert,
     methods,
@@ -217,4 +217,4 @@ def test_good_images_are_passed_on(tmp_path, save_images):
     with pytest.raises(OptionError, match=r"`replace` has 2\.0, and the last frame of .* is 6; name"):
         Replacement.parse("2s").check("replace", info)
     with pytest.raises(OptionError, match="`fill_gaps` and `replace` cannot be combined"):
-        OutputRate(fill_gaps=True, replace="3")
+        Timing(fill_gaps=True, replace="3")

@@ -73,7 +73,7 @@ from fpsboost.media import discard_unfinished
 from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.run_options import RunOptions
 from fpsboost.threads import one_opencv_thread
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.options import Timing
 
 EXAMPLES = """
 [bold]Examples[/]
@@ -159,7 +159,7 @@ def convert(
     /,
     *more: Annotated[PathName, Parameter(show=False)],
     decoding: Annotated[DecodeOptions, GROUPS["Input"]],
-    rate: Annotated[OutputRate, GROUPS["Rate"]],
+    timing: Annotated[Timing, GROUPS["Rate"]],
     motion: Annotated[MethodOptions, GROUPS["Method"]],
     cuts: Annotated[CutOptions, GROUPS["Scenes"]],
     encoding: Annotated[Encoding, GROUPS["Encoding"]],
@@ -197,7 +197,7 @@ def convert(
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
         batch.check_ending(input, target)
-        job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
+        job = ConversionJob(input, output, timing, interpolator, decoding, encoding)
         if dry_run:
             from fpsboost.cli.dry_run import say_dry_run  # noqa: PLC0415 (a page's code is slow to import)
 
@@ -217,7 +217,7 @@ def convert(
             reporter.say_settings(motion.method, interpolator)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
         if job.target(run_options).kind == "images" and not run_options.in_place and not announced:
-            announced.extend(batch.last_image_remarks(summary.frames_in, summary.frames_out, rate.multiple))
+            announced.extend(batch.last_image_remarks(summary.frames_in, summary.frames_out, timing.multiple))
             summary.remarks += announced
         reporter.say_summary(summary, in_place=run_options.in_place)
 
@@ -233,7 +233,7 @@ def convert(
         output = paths[-1]
         inputs = [input]
     if len(inputs) <= 1:
-        run(input, None if run_options.in_place else output or output_beside(input, rate))
+        run(input, None if run_options.in_place else output or output_beside(input, timing))
         return
     check_together(interpolator.names_given() | run_options.names_given() | {"several inputs"})
     if dry_run:

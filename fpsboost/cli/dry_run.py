@@ -21,8 +21,8 @@ from fpsboost.preparation import ConversionJob, Preparation, prepared, with_dura
 from fpsboost.preview.page import Preview, estimate_sentence, preview
 from fpsboost.probing import as_prospect, expected_losses
 from fpsboost.run_options import RunOptions
+from fpsboost.timing.options import Timing, readable
 from fpsboost.timing.position import Position, format_time
-from fpsboost.timing.rate import OutputRate, readable
 from fpsboost.timing.schedule import count_frames
 
 PLACES = (Fraction(1, 4), Fraction(1, 2), Fraction(3, 4))
@@ -60,7 +60,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         rate = output.timing.rate
         if frames is None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
-            frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images or job.rate.loop)
+            frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images or job.timing.loop)
         kept, (places, length) = _kept(ready, remarks), _places(ready, source)
     made = [output.path, *([] if frames is None else [counted(frames, "frame")])]
     if ready.target.has_rate:
@@ -79,11 +79,11 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     if length >= SHORTEST:
         with reading.status("trying passages"):
             tried = replace(job, output="images/" if is_images else job.output)
-            if job.rate.retimes:  # of whose frames hardly any is one of the source
-                tried = replace(tried, rate=OutputRate(factor=4))
-            elif job.rate.duplicates == "drop" or job.rate.gaps is not None:  # which need the whole clip
-                factor = job.rate.multiple if job.rate.fps is None else job.rate.factor
-                tried = replace(tried, rate=replace(job.rate, duplicates="keep", gaps=None, factor=factor))
+            if job.timing.retimes:  # of whose frames hardly any is one of the source
+                tried = replace(tried, timing=Timing(factor=4))
+            elif job.timing.duplicates == "drop" or job.timing.gaps is not None:  # which need the whole clip
+                factor = job.timing.multiple if job.timing.fps is None else job.timing.factor
+                tried = replace(tried, timing=replace(job.timing, duplicates="keep", gaps=None, factor=factor))
             run = RunOptions(limit=run.limit, threads=run.threads)
             trial = preview(tried, {"": job.method}, run, at=places, length=length)
         remarks += map(as_prospect, trial.remarks)
@@ -94,7 +94,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     console = Console(highlight=False)
     console.print(f"[bold]{literal(str(job.input))}[/]", table, sep="\n")
     if is_images:
-        remarks += last_image_remarks(source.frame_count or 0, frames or 0, job.rate.multiple)
+        remarks += last_image_remarks(source.frame_count or 0, frames or 0, job.timing.multiple)
     for remark in dict.fromkeys(remarks):
         console.print(f"[yellow]Note:[/] {sentence(remark)}", soft_wrap=True)
     console.print("Nothing was written.")

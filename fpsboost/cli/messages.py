@@ -29,8 +29,8 @@ from rich.text import Text
 import fpsboost
 from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
+from fpsboost.timing.options import readable
 from fpsboost.timing.position import as_ranges, format_time
-from fpsboost.timing.rate import readable
 
 STANDARD_ERROR = 2  # file descriptor
 WIDTHS = range(20, 2001)

@@ -40,8 +40,8 @@ from fpsboost.options import (
 from fpsboost.render import ConventionName
 from fpsboost.rerender import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
+from fpsboost.timing.options import Timing
 from fpsboost.timing.position import Position, parse_positions
-from fpsboost.timing.rate import OutputRate
 
 if TYPE_CHECKING:
     PathName = str
@@ -299,7 +299,7 @@ class PreviewOptions:
 
 
 option_classes = (
-    *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
+    *(DecodeOptions, Timing, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
     *(MessageOptions, HoldOutOptions, ComparedMethodOptions, ResultOptions),
     *(PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )

@@ -21,7 +21,7 @@ from fpsboost.media import check_writable
 from fpsboost.options import words_of_options
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
 from fpsboost.run_options import RunOptions
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.options import Timing
 
 
 @with_flags
@@ -32,7 +32,7 @@ def preview(
     *,
     options: Annotated[PreviewOptions, Group("Preview", sort_key=0)],
     decoding: Annotated[DecodeOptions, GROUPS["Input"]],
-    rate: Annotated[OutputRate, Group("Rate", sort_key=1)],
+    timing: Annotated[Timing, Group("Rate", sort_key=1)],
     cuts: Annotated[CutOptions, GROUPS["Scenes"]],
 ) -> None:
     """Show passages of a clip before and after, and estimate the time of the whole conversion.
@@ -50,7 +50,7 @@ def preview(
     place = Path(page or f"{clip_name(input) or 'clip'}-preview.html")
     if input in PIPES:
         raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
-    check_together(rate.names_given() | {"a preview"})
+    check_together(timing.names_given() | {"a preview"})
     if place.suffix.lower() not in (".html", ".htm"):
         raise OptionError(f"{place} is not the name of an HTML page; write {place}.html.")
     check_writable(place, str(place), [Path(input)], options.overwrite)
@@ -60,10 +60,10 @@ def preview(
         MethodOptions(text, options.match_grain, masking=options.masking) for text in split_methods(options.methods)
     ]
     methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
-    if rate.duplicates == "keep":
+    if timing.duplicates == "keep":
         methods = {name: replace(method, duplicates=None) for name, method in methods.items()}
-    output = output_beside(input, rate)
-    job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
+    output = output_beside(input, timing)
+    job = ConversionJob(input, output, timing, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)
     with Console(stderr=True, quiet=options.quiet).status("reading") as status:
         result = run(
@@ -75,7 +75,7 @@ def preview(
         )
         result.remarks = [in_flags(remark) for remark in result.remarks]
         status.update("writing the page")
-        words = ["fpsboost", input, output, *words_of_options(motions[0], decoding, rate, cuts)]
+        words = ["fpsboost", input, output, *words_of_options(motions[0], decoding, timing, cuts)]
         write_page(place, result, shlex.join(words), overwrite=options.overwrite)
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)

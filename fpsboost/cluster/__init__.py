@@ -2,7 +2,7 @@
 
 >>> import fpsboost
 >>> from distributed import Client  # doctest: +SKIP
->>> job = fpsboost.ConversionJob("in.mp4", "out.mp4", fpsboost.OutputRate(2), fpsboost.methods["nlm"])
+>>> job = fpsboost.ConversionJob("in.mp4", "out.mp4", fpsboost.Timing(2), fpsboost.methods["nlm"])
 >>> with Client("tls://scheduler:8786") as client:  # doctest: +SKIP
 ...     summary = fpsboost.cluster.convert(job, client)
 """

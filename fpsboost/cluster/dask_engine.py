@@ -100,7 +100,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     run = run or RunOptions()
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
-    output = os.path.abspath(output_beside(job.input, job.rate) if job.output is None else job.output)
+    output = os.path.abspath(output_beside(job.input, job.timing) if job.output is None else job.output)
     # the job as workers get it, so that its facts are the same on both sides
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
     check_together(job.names_given() | run.names_given() | {"cluster"})

@@ -18,7 +18,7 @@ from fpsboost.options import PathName, checked
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, closing_remarks, opened_clip, prepare
 from fpsboost.run_options import RunOptions
-from fpsboost.timing.rate import FrameIntervals
+from fpsboost.timing.options import FrameIntervals
 
 
 @checked
@@ -69,7 +69,7 @@ def join(
     run = RunOptions(overwrite=overwrite)
     # nothing is interpolated here, so any method that accepts all kinds of images may replace that of the parts
     method = find_method("nearest")
-    job = ConversionJob(input or first.input, output, first.rate, method, first.decoding, first.encoding)
+    job = ConversionJob(input or first.input, output, first.timing, method, first.decoding, first.encoding)
     with opened_clip(job, run) as clip:
         if input_identity(clip) != first.facts.get("input"):
             raise InputError(f"{clip.whole.info.name} is not the input of the parts; give that as `input`.")

@@ -33,7 +33,7 @@ from fpsboost.layered import FrameImage
 from fpsboost.media import Window, pyav_version, write_safely
 from fpsboost.preparation import ConversionJob, Preparation, opened_part, prepared
 from fpsboost.run_options import Part, RunOptions
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.options import Timing
 
 MANIFEST_NAME = "part.json"
 """Name of the manifest in the folder of a part."""
@@ -60,8 +60,8 @@ class Manifest:
     """Absolute path of the input."""
     output: str
     """Path of the output of the whole conversion."""
-    rate: OutputRate
-    """Options of the job for the frame rate."""
+    timing: Timing
+    """Options of the job for the timing."""
     decoding: DecodeOptions
     """Options of the job for reading the input."""
     encoding: Encoding
@@ -197,7 +197,7 @@ def facts_of(ready: Preparation) -> dict[str, str]:
             self_test=self_test(ready.interpolator, image),
             input=input_identity(ready.clip),
             output_type=ready.target.file_type,
-            rate=job.rate,
+            timing=job.timing,
             method=job.method,
             decoding=job.decoding,
             encoding=job.encoding,

@@ -38,8 +38,8 @@ from fpsboost.preparation import ConversionJob, Preparation, prepared
 from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions, count_parts, parts_folder
 from fpsboost.timing.edit import Edit
+from fpsboost.timing.options import exposed
 from fpsboost.timing.position import MAX_RUN
-from fpsboost.timing.rate import exposed
 from fpsboost.timing.schedule import ByFactor, count_frames
 
 REPLACED_BEFORE = 2 * (MAX_RUN + 1) + CERTAIN_AFTER
@@ -115,7 +115,7 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     if (times := source.frame_times()) is None:
         return outputs
     detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
-    schedule = exposed(ready.base_schedule, job.rate)
+    schedule = exposed(ready.base_schedule, job.timing)
     before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE
     entry = find_entry(times, schedule, detector, outputs.first, ready.clip.read_from, before)
     source.begin_at(entry.number)
@@ -191,7 +191,7 @@ def _measured(ready: Preparation) -> tuple[int, int]:
     times = clip.source.frame_times()
     info = Edit.whole(times).of_info(clip.source.info) if times else clip.source.info
     total = count_frames(ready.base_schedule, info, ready.target.has_clock)
-    check_together(ready.job.rate.names_given() | {"chunk"})
+    check_together(ready.job.timing.names_given() | {"chunk"})
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{info.name} does not declare its number of frames; convert it in one run.")
     return total, CHUNK_FRAMES if ready.target.kind == "video" else 1
@@ -251,7 +251,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
         part=plan.part,
         input=str(Path(job.input).absolute()),
         output=ready.target.path,
-        rate=job.rate,
+        timing=job.timing,
         decoding=job.decoding,
         encoding=job.encoding,
         facts=facts_of(ready),

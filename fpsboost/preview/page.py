@@ -143,9 +143,9 @@ def preview(
     with prepared(job, run) as ready:
         info, frames, rate = ready.clip.whole.info, ready.output.expected_frames, ready.output.timing.rate
         curve, mask = ready.clip.clip_curve, ready.interpolator.mask
-    if job.rate.retimes:
-        factor = job.rate.multiple if job.rate.fps is None else None
-        job = replace(job, rate=replace(job.rate, factor=factor, retime=None, speed=None, slow_motion_sound=None))
+    if job.timing.retimes:
+        factor = job.timing.multiple if job.timing.fps is None else None
+        job = replace(job, timing=replace(job.timing, factor=factor, retime=None, speed=None, slow_motion_sound=None))
     on_task("looking for motion")
     selection = find_passages(job, run, at, length) if curve is None else find_retimed(job, run, curve, rate, at)
     trials: dict[str, list[ConvertedPassage]] = {name: [] for name in methods}
@@ -162,7 +162,7 @@ def preview(
     return Preview(
         info,
         rate,
-        job.rate.stretch,
+        job.timing.stretch,
         selection,
         trials,
         frames,
@@ -222,12 +222,12 @@ def _convert_passage(
     if passage.retimed:
         times = [*passage.retimed.values()]
         curve = " ".join(f"{place}f={time}s" for place, time in enumerate([*times, times[-1]]))
-        part = replace(part, rate=replace(job.rate, retime=curve))
+        part = replace(part, timing=replace(job.timing, retime=curve))
     if target.kind == "video":
         encoding = replace(job.encoding, audio=False, audio_codec=None, subtitles=False, streams=None)
-        part = replace(part, encoding=encoding, rate=replace(part.rate, slow_motion_sound=None))
+        part = replace(part, encoding=encoding, timing=replace(part.timing, slow_motion_sound=None))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
-    recorder = _Recorder(View(passage.before.traits), job.rate.stretch, job.method.has_confidence)
+    recorder = _Recorder(View(passage.before.traits), job.timing.stretch, job.method.has_confidence)
     try:
         summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))
     except FpsboostError as error:
@@ -237,7 +237,7 @@ def _convert_passage(
     seconds = (time.perf_counter() - recorder.start[0]) * (1 - own)
     least, confidence = summary.lowest_match, None
     if least is not None:
-        least, confidence = replace(least, time=least.time / job.rate.stretch), recorder.confidences[least.number]
+        least, confidence = replace(least, time=least.time / job.timing.stretch), recorder.confidences[least.number]
     remarks = [remark.replace(output, target.path) for remark in summary.remarks]
     size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
     first = first_packet_size(Path(output)) if target.kind == "video" else 0

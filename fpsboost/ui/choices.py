@@ -10,8 +10,8 @@ from fpsboost import (
     DecodeOptions,
     Encoding,
     OptionError,
-    OutputRate,
     RunOptions,
+    Timing,
     find_method,
     format_time,
 )
@@ -134,11 +134,11 @@ class Choices(Checked):
         name = self.rate if self.rate in ("fps", "retime") else "factor"
         if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
             raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
-        rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow", "loop": self.loop})
+        timing = options_from(Timing, {name: self.value, "slow_motion": self.rate == "slow", "loop": self.loop})
         decoding = options_from(
             DecodeOptions, {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
         )
-        return ConversionJob(self.input, output, rate, find_method(self.method), decoding, self.encoding)
+        return ConversionJob(self.input, output, timing, find_method(self.method), decoding, self.encoding)
 
     @property
     def encoding(self) -> Encoding:
@@ -152,7 +152,8 @@ class Choices(Checked):
 
     def words(self, job: ConversionJob) -> list[str]:
         """Return the words of the equivalent command line."""
-        given = [job.rate, MethodOptions(self.method), job.decoding, job.encoding, RunOptions(overwrite=self.overwrite)]
+        run = RunOptions(overwrite=self.overwrite)
+        given = [job.timing, MethodOptions(self.method), job.decoding, job.encoding, run]
         return ["fpsboost", str(job.input), str(job.output or ""), *words_of_options(*given)]
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
@@ -172,5 +173,5 @@ class Choices(Checked):
 
 def first_choices(path: str) -> Choices:
     """Return the initial values of the form for a clip."""
-    output = output_beside(path, OutputRate())
+    output = output_beside(path, Timing())
     return Choices(path, str(Path(path).parent), Path(output).name + "/" * output.endswith("/"))

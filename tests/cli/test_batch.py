@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fpsboost import InputError, OptionError, OutputRate
+from fpsboost import InputError, OptionError, Timing
 from fpsboost.cli.app import execute
 from fpsboost.cli.batch import is_pair, plan_outputs
 from fpsboost.io.opening import open_source
@@ -61,7 +61,7 @@ def test_an_output_without_a_name_lies_beside_its_input(monkeypatch, tmp_path, i
     """The rate is behind the name; an ending that cannot be written is replaced, and images get a folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "v1.0").mkdir()
-    assert output_beside(input, OutputRate(**rate)) == output.format(tmp_path)
+    assert output_beside(input, Timing(**rate)) == output.format(tmp_path)
 
 
 def test_no_name_is_needed_and_nothing_replaced(fpsboost_, tmp_path, unchanged):

@@ -14,8 +14,8 @@ from fpsboost import (
     DecodeOptions,
     Encoding,
     MotionField,
-    OutputRate,
     RunOptions,
+    Timing,
     find_method,
     interpolate_clip,
     methods,
@@ -31,7 +31,7 @@ WRITES_COMMANDS = {"evaluation/hidden_frames.py", "evaluation/report/page.py"}
 """Files with words of the command line, for the line that a report page shows to be typed."""
 
 
-@pytest.mark.parametrize("cls", [DecodeOptions, Encoding, OutputRate, RunOptions])
+@pytest.mark.parametrize("cls", [DecodeOptions, Encoding, Timing, RunOptions])
 def test_every_field_has_a_flag(cls):
     """Whatever a library call can be told, the command line can."""
     named = {flag.field for flag in flags_of(cls)}

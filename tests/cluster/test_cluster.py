@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from fpsboost import ConversionJob, Encoding, OutputRate, Part, RunOptions, convert_job, find_method, join
+from fpsboost import ConversionJob, Encoding, Part, RunOptions, Timing, convert_job, find_method, join
 from fpsboost.cluster import convert
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import (
@@ -102,7 +102,7 @@ def few_parts(monkeypatch: pytest.MonkeyPatch) -> None:
 def video(tmp_path_factory) -> Clip:
     folder = tmp_path_factory.mktemp("video")
     clip = write_clip(folder / "in.mp4", times=range(FRAMES), sound="aac", sound_seconds=3)
-    rate, encoding = OutputRate(Fraction(2)), Encoding(preset="ultrafast")
+    rate, encoding = Timing(Fraction(2)), Encoding(preset="ultrafast")
     job = ConversionJob(str(clip), str(folder / "whole.mp4"), rate, find_method("blend"), encoding=encoding)
     convert_job(job)
     return Clip(job, folder / "whole.mp4")
@@ -113,7 +113,7 @@ def images(tmp_path_factory) -> Clip:
     """A clip that becomes a folder of images, whose parts may be small, by a curve that turns back."""
     folder = tmp_path_factory.mktemp("images")
     clip = write_clip(folder / "in.mp4", times=range(20))
-    rate = OutputRate(retime="0=0 20f=19f 39f=.5f")
+    rate = Timing(retime="0=0 20f=19f 39f=.5f")
     job = ConversionJob(str(clip), str(folder / "whole/"), rate, find_method("blend"))
     convert_job(job)
     return Clip(job, folder / "whole")
@@ -304,7 +304,7 @@ def test_a_scheduler_that_is_gone_is_said(client, images, output, tmp_path):
 
 def test_parts_of_another_job_are_not_joined(client, images, output):
     """They are refused, and replaced if the output may be."""
-    other = replace(images.to(output), rate=OutputRate(Fraction(4)))
+    other = replace(images.to(output), timing=Timing(Fraction(4)))
     convert_job(other, RunOptions(chunk=Part(1, 2)))
     with pytest.raises(
         OutputError, match=r"contains parts with a different factor; remove it, or give `overwrite=True`"
@@ -340,7 +340,7 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, client, images, 
         yield client
 
     monkeypatch.setattr(dask_engine, "local_client", local_client)
-    curve = images.job.rate.retime
+    curve = images.job.timing.retime
     result = fpsboost_(images.job.input, f"{output}/", "--retime", curve, "--method", "blend", "--cluster", "local")
     assert result.code == 0, result.err
     assert images.is_whole(output)

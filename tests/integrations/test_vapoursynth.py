@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fpsboost import Encoding, Interpolator, OutputRate, Pair, convert, methods, stream
+from fpsboost import Encoding, Interpolator, Pair, Timing, convert, methods, stream
 from fpsboost.io.video.ycc import from_bgr
 from fpsboost.media import plane_arrays
 from fpsboost.motion.field import ZeroMotion
@@ -116,7 +116,7 @@ def read_planes(path: Path) -> list[Planes]:
 def converted(path: Path, method: Interpolator, factor: Fraction) -> list[Planes]:
     """Return the planes of our own conversion of a video."""
     output = path.with_name("converted.mkv")
-    convert(str(path), str(output), rate=OutputRate(factor), method=method, encoding=Encoding(codec="ffv1"))
+    convert(str(path), str(output), timing=Timing(factor), method=method, encoding=Encoding(codec="ffv1"))
     return read_planes(output)
 
 

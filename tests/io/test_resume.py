@@ -23,8 +23,8 @@ from fpsboost import (
     Frame,
     Interpolator,
     Mask,
-    OutputRate,
     RunOptions,
+    Timing,
     VectorFolder,
     convert,
     find_method,
@@ -597,7 +597,7 @@ def test_another_input_is_refused(fpsboost_, tmp_path, monkeypatch):
 def test_every_option_belongs_to_the_job(tmp_path):
     """Whatever `convert` is told is part of the job, but for how it is run."""
     clip = write_clip(tmp_path / "in.mp4")
-    job = ConversionJob(clip, tmp_path / "out.mp4", OutputRate(3), methods["nlm"])
+    job = ConversionJob(clip, tmp_path / "out.mp4", Timing(3), methods["nlm"])
     with VideoSource(clip) as source:
         facts = fingerprint_job(job, RunOptions(), source).facts
     assert (facts["rate.factor"], facts["in_place"]) == ("3", "False")

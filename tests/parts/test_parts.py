@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fpsboost import DecodeOptions, Encoding, OutputRate, Position, Trim, VectorFolder, convert, find_method, join
+from fpsboost import DecodeOptions, Encoding, Position, Timing, Trim, VectorFolder, convert, find_method, join
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.video.sink import VideoPartSink, VideoSink
@@ -93,19 +93,19 @@ def facts_of(summary: Summary) -> tuple[object, ...]:
 VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "a factor": {"factor": FACTOR},
     "a fraction of a frame": {"factor": Fraction(41, 24)},
-    "the same rhythm": {"rate": OutputRate(FACTOR, keep_timing=True)},
-    "a rate": {"rate": OutputRate(fps=Fraction(60000, 1001))},
-    "slow motion": {"rate": OutputRate(FACTOR, slow_motion=True, slow_motion_sound="stretch")},
+    "the same rhythm": {"timing": Timing(FACTOR, keep_timing=True)},
+    "a rate": {"timing": Timing(fps=Fraction(60000, 1001))},
+    "slow motion": {"timing": Timing(FACTOR, slow_motion=True, slow_motion_sound="stretch")},
     "a range": {"factor": FACTOR, "decoding": DecodeOptions(Trim(Position(Fraction(2, 5)), Position(Fraction(2))))},
     "a range between frames": {"factor": 1, "decoding": DecodeOptions(Trim(Position(Fraction(19, 10))))},
     "a range of frames": {
         "factor": FACTOR,
         "decoding": DecodeOptions(Trim(Position(Fraction(11), is_frame=True), Position(Fraction(50), is_frame=True))),
     },
-    "a retime curve": {"rate": OutputRate(2, retime="smooth 0=4f 2s=1s 2.5s=1s 4s=2s")},
-    "motion blur": {"rate": OutputRate(2, shutter=Fraction(300), shutter_samples=3)},
-    "without repeats": {"rate": OutputRate(FACTOR, duplicates="drop")},
-    "missing frames": {"rate": OutputRate(FACTOR, gaps="20,33x2")},
+    "a retime curve": {"timing": Timing(2, retime="smooth 0=4f 2s=1s 2.5s=1s 4s=2s")},
+    "motion blur": {"timing": Timing(2, shutter=Fraction(300), shutter_samples=3)},
+    "without repeats": {"timing": Timing(FACTOR, duplicates="drop")},
+    "missing frames": {"timing": Timing(FACTOR, gaps="20,33x2")},
 }
 
 
@@ -181,7 +181,7 @@ def test_missing_images_in_parts(tmp_path, snapshot, save_images):
     save_images(tmp_path / "in", count=16)
     for number in (3, 4, 7, 11, 12):
         (tmp_path / "in" / f"shot_{number:04d}.png").unlink()
-    image_conversion(tmp_path, snapshot, str(tmp_path / "in"), "out", rate=OutputRate(fill_gaps=True), method="blend")
+    image_conversion(tmp_path, snapshot, str(tmp_path / "in"), "out", timing=Timing(fill_gaps=True), method="blend")
 
 
 @pytest.mark.slow

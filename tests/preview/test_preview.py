@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fpsboost import ConversionJob, OutputRate, Position, RunOptions, convert, methods
+from fpsboost import ConversionJob, Position, RunOptions, Timing, convert, methods
 from fpsboost.preview.page import (
     LABEL_HEIGHT,
     estimate_sentence,
@@ -45,7 +45,7 @@ def other_scene(index):
 
 
 def job_of(path, output="out.mp4", **rate):
-    return ConversionJob(str(path), output, OutputRate(**rate), methods["blend"])
+    return ConversionJob(str(path), output, Timing(**rate), methods["blend"])
 
 
 def found_in(path, *at):
@@ -188,7 +188,7 @@ def test_slow_motion_plays_in_step(short):
 def test_passages_show_the_points_of_a_curve(short, tmp_path, curve):
     """Before and after in step, forwards and backwards, with the frames of the whole conversion."""
     found = tried(short, retime=curve)
-    convert(str(short), str(tmp_path / "frames"), method="blend", rate=OutputRate(retime=curve))
+    convert(str(short), str(tmp_path / "frames"), method="blend", timing=Timing(retime=curve))
     whole = [cv2.imread(str(path)).astype(int) for path in sorted((tmp_path / "frames").iterdir())]
     for passage, trial in zip(found.selection.passages, found.trials["blend"], strict=True):
         assert RATE in passage.retimed

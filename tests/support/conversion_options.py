@@ -4,13 +4,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from fpsboost import DecodeOptions, Encoding, FrameSink, Interpolator, OutputRate, RunOptions, Target, convert, methods
+from fpsboost import DecodeOptions, Encoding, FrameSink, Interpolator, RunOptions, Target, Timing, convert, methods
 from fpsboost.io import DescribedSource
 from fpsboost.io.output import Output
 from fpsboost.media import OutputTiming
 
 FAST = Encoding(preset="ultrafast")
-GROUPS = {"rate": OutputRate, "decoding": DecodeOptions, "run": RunOptions}
+GROUPS = {"timing": Timing, "decoding": DecodeOptions, "run": RunOptions}
 
 
 def grouped(**options: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fpsboost import DecodeOptions, OutputRate, VectorFolder, conversion, find_method, threads
+from fpsboost import DecodeOptions, Timing, VectorFolder, conversion, find_method, threads
 from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
@@ -124,7 +124,7 @@ def convert(sample: Path, kind: str, work: Path, chance: random.Random) -> str:
             str(source),
             str(output),
             method=method,
-            rate=OutputRate(fps=None if kind == "flo" else fps),
+            timing=Timing(fps=None if kind == "flo" else fps),
             decoding=DecodeOptions(input_fps=rate),
         )
     except FpsboostError as error:

@@ -13,10 +13,10 @@ from fpsboost import (
     Encoding,
     Interpolator,
     LowestMatch,
-    OutputRate,
     Part,
     RunOptions,
     Summary,
+    Timing,
     convert,
     find_method,
     join,
@@ -85,7 +85,7 @@ def test_parts_that_are_joined_know_it(tmp_path):
     """It is that of one run, whichever part it is in."""
     source = save_clip(tmp_path / "in", PAN)
     options: dict[str, Any] = {
-        "rate": OutputRate(Fraction(60)),
+        "timing": Timing(Fraction(60)),
         "decoding": DecodeOptions(input_fps=Fraction(12)),
         "encoding": Encoding(preset="ultrafast"),
         "method": BLEND,

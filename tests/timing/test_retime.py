@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fpsboost import OptionError, OutputRange, Part, RunOptions, convert, join, run_conversion, stream
 from fpsboost.media import TimeMap
-from fpsboost.timing.rate import OutputRate, exposed
+from fpsboost.timing.options import Timing, exposed
 from fpsboost.timing.retime import parse_curve, parse_speeds
 from fpsboost.timing.schedule import count_frames
 from support.conversion_options import grouped
@@ -38,7 +38,7 @@ def points_of(lengths, heights):
 
 def retimed(frames, text, skip=0, **options):
     """The output frames of flat frames by a curve."""
-    source, sink, rate = FakeSource(frames), FakeSink(), OutputRate(retime=text, **options)
+    source, sink, rate = FakeSource(frames), FakeSink(), Timing(retime=text, **options)
     curve = rate.time_map(source.info)
     schedule = exposed(rate.schedule(source.info, curve=curve), rate)
     run_conversion(source, STEADY, sink, schedule, outputs=OutputRange(skip=skip))
@@ -113,7 +113,7 @@ def test_a_bad_curve_is_refused(tmp_path, text, reason):
     clip, path = write_clip(tmp_path / "in.mkv", times=range(50)), tmp_path / "curve.txt"
     path.write_text(text)
     with pytest.raises(OptionError, match=reason):
-        convert(str(clip), str(tmp_path / "out.mkv"), rate=OutputRate(retime=str(path) if "\n" in text else text))
+        convert(str(clip), str(tmp_path / "out.mkv"), timing=Timing(retime=str(path) if "\n" in text else text))
 
 
 @pytest.mark.parametrize("text", ["0.25@1-1.5", "1@0-1,0.25@1-1.5"])
@@ -127,7 +127,7 @@ def test_speeds_are_a_curve(text):
         Fraction(15, 2),
     ]
     info = replace(FakeSource(regular(9)).info, frame_count=50, duration=None)
-    assert count_frames(OutputRate(speed=text).schedule(info, curve=curve), info, holds_last_frame=True) == 88
+    assert count_frames(Timing(speed=text).schedule(info, curve=curve), info, holds_last_frame=True) == 88
     for wrong in ("2@1-2,2@1.5-3", "2@2-1", "0", "2,2@3-", "2@1-2-3"):
         with pytest.raises(OptionError, match="`speed`"):
             parse_speeds(wrong, RATE)
@@ -185,7 +185,7 @@ def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
     assert len(pictures_of(whole)) == 75
     for number in (1, 2):
         part = RunOptions(chunk=Part(number, 2))
-        convert(str(clip), str(parts), method="nearest", encoding=FAST, rate=OutputRate(**curve), run=part)
+        convert(str(clip), str(parts), method="nearest", encoding=FAST, timing=Timing(**curve), run=part)
     join(str(parts), [f"{parts}.parts"])
     assert packets_of(parts, "audio") == packets_of(whole, "audio")
     for number, options in enumerate([curve | {"slow_motion_sound": "drop"}, {"retime": "0=1s 1s=0"}]):
@@ -202,7 +202,7 @@ def test_a_clip_plays_backwards(tmp_path, curve):
     """Every frame shows the time of the curve; in parts, the packets are the same."""
     pictures = [np.full((48, 64, 3), 20 + 4 * number, np.uint8) for number in range(50)]
     clip = write_clip(tmp_path / "in.mkv", times=range(50), picture=lambda number, *_: pictures[number])
-    options: dict[str, Any] = {"method": STEADY, "encoding": FAST, "rate": OutputRate(Fraction(6), retime=curve)}
+    options: dict[str, Any] = {"method": STEADY, "encoding": FAST, "timing": Timing(Fraction(6), retime=curve)}
     assert not convert(str(clip), str(tmp_path / "out.mkv"), **options).remarks
     rate, wanted = Fraction(150), parse_curve(curve, Fraction(150), Fraction(25))
     times = [float(wanted.source(k / rate) * 25) for k in range(math.ceil(wanted.length * rate))]

@@ -13,8 +13,8 @@ from fpsboost import (
     Frame,
     OptionError,
     OutputRange,
-    OutputRate,
     RunOptions,
+    Timing,
     VectorFolder,
     convert,
     find_method,
@@ -176,7 +176,7 @@ def test_a_run_that_goes_on_makes_the_same_frames(skip):
 def test_a_shutter_has_limits(angle, samples):
     """The angle lies in a turn, and the number of samples, which says nothing without it, is odd."""
     with pytest.raises(OptionError, match="shutter"):
-        OutputRate(shutter=angle, shutter_samples=samples)
+        Timing(shutter=angle, shutter_samples=samples)
 
 
 def test_images_are_blurred_at_their_own_rate(tmp_path):
@@ -184,7 +184,7 @@ def test_images_are_blurred_at_their_own_rate(tmp_path):
     (tmp_path / "in").mkdir()
     for k in range(4):
         cv2.imwrite(str(tmp_path / "in" / f"{k:04d}.png"), as_type(step_edge(20 + 8 * k), np.uint8))
-    convert(str(tmp_path / "in"), str(tmp_path / "out"), rate=OutputRate(1, shutter=180, shutter_samples=5))
+    convert(str(tmp_path / "in"), str(tmp_path / "out"), timing=Timing(1, shutter=180, shutter_samples=5))
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == [f"{k:04d}.png" for k in range(4)]
     sharp, blurred = (cv2.imread(str(tmp_path / folder / "0001.png")).astype(int) for folder in ("in", "out"))
@@ -196,8 +196,8 @@ def test_a_video_keeps_its_sound_and_its_length(tmp_path):
     clip = write_clip(tmp_path / "in.mp4", times=range(6), time_base=Fraction(1001, 24000), sound="aac")
     outputs = [tmp_path / name for name in ("blurred.mp4", "plain.mp4")]
     for output, shutter in zip(outputs, (Fraction(180), None), strict=True):
-        rate = OutputRate(2, shutter=shutter, shutter_samples=3 if shutter else None)
-        convert(str(clip), str(output), rate=rate, method="blend", encoding=FAST)
+        timing = Timing(2, shutter=shutter, shutter_samples=3 if shutter else 15)
+        convert(str(clip), str(output), timing=timing, method="blend", encoding=FAST)
     blurred, plain = outputs
     assert packets_of(blurred, "audio") == packets_of(plain, "audio")
     assert [each.pts for each in pictures_of(blurred)] == [each.pts for each in pictures_of(plain)]
@@ -206,7 +206,7 @@ def test_a_video_keeps_its_sound_and_its_length(tmp_path):
 def test_originals_in_place_cannot_be_blurred(tmp_path):
     """They are never changed, so that half of the frames would be sharp."""
     with pytest.raises(OptionError, match="in_place"):
-        convert(str(tmp_path), rate=OutputRate(shutter=180), run=RunOptions(in_place=True))
+        convert(str(tmp_path), timing=Timing(shutter=180), run=RunOptions(in_place=True))
 
 
 @needs_scenes
@@ -214,4 +214,4 @@ def test_vectors_say_nothing_of_times_between_frames():
     """They were rendered for the output frames, and samples lie between those."""
     method = find_method("nlm", VectorFolder(str(SCENES / "texture" / "vectors")))
     with pytest.raises(OptionError, match="vectors"):
-        convert(str(SCENES / "texture"), "out", method=method, rate=OutputRate(shutter=180))
+        convert(str(SCENES / "texture"), "out", method=method, timing=Timing(shutter=180))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fpsboost
-from fpsboost import ClipInfo, Frame, InputError, MemoryLimit, OutputError, OutputRate
+from fpsboost import ClipInfo, Frame, InputError, MemoryLimit, OutputError, Timing
 from fpsboost.image import Image
 from fpsboost.io.animation import AnimationSink, AnimationSource
 from fpsboost.io.opening import open_source
@@ -219,7 +219,7 @@ def test_gif_ends_at_fifty_frames(tmp_path):
     clip = write_clip(tmp_path / "in.mp4", times=range(4), time_base=Fraction(1, 30))
     with pytest.raises(OutputError, match=r"out\.gif cannot show 60 frames .* 50; use `fps=50` or less.*\.apng"):
         fpsboost.convert(str(clip), str(tmp_path / "out.gif"), factor=2)
-    fpsboost.convert(str(clip), str(tmp_path / "out.gif"), method="blend", rate=OutputRate(fps=50))
+    fpsboost.convert(str(clip), str(tmp_path / "out.gif"), method="blend", timing=Timing(fps=50))
     assert {seen.delay for seen in read_animation(tmp_path / "out.gif")} == {20}
 
 

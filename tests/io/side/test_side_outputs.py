@@ -21,10 +21,10 @@ from fpsboost import (
     Interpolator,
     OptionError,
     OutputError,
-    OutputRate,
     Position,
     RunOptions,
     SideOutputs,
+    Timing,
     Trim,
     VectorFolder,
     convert,
@@ -208,7 +208,7 @@ def test_in_place_only_missing_images_have_a_confidence(tmp_path):
     source = save_pan(tmp_path / "in", range(1, 6, 2))
     (source / "shot_0006.png").write_bytes((source / "shot_0005.png").read_bytes())
     run = RunOptions(in_place=True, side=SideOutputs(confidence=str(tmp_path / "conf")))
-    assert convert(str(source), method="blend", rate=OutputRate(fill_gaps=True), run=run).completed_frames == 0
+    assert convert(str(source), method="blend", timing=Timing(fill_gaps=True), run=run).completed_frames == 0
     assert names_in(tmp_path / "conf") == ["shot_0002.png", "shot_0004.png"]
     assert len(names_in(source)) == 6
 

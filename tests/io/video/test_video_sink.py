@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from fpsboost import ClipInfo, Frame, OptionError, OutputError, OutputRate, convert
+from fpsboost import ClipInfo, Frame, OptionError, OutputError, Timing, convert
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.io.video.sink import VideoSink
@@ -64,8 +64,8 @@ def test_variable_rate_keeps_length(tmp_path, encoding):
     """Uneven frames, a long last one and reordering still add up to the source's length."""
     times = [0, 3, 4, 9, 10, 16, 17, 18, 30, 31, 32, 40]
     clip = write_clip(tmp_path / "in.mp4", times=times, end=52, time_base=Fraction(1, 100))
-    rate = OutputRate(keep_timing=True)
-    convert(str(clip), str(tmp_path / "out.mp4"), rate=rate, method="nearest", encoding=encoding)
+    timing = Timing(keep_timing=True)
+    convert(str(clip), str(tmp_path / "out.mp4"), timing=timing, method="nearest", encoding=encoding)
     length, found = facts(tmp_path / "out.mp4")
     assert length == Fraction(52, 100)
     pairs = itertools.pairwise([*times, 52])

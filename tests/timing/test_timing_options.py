@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fpsboost import ClipInfo, Frame, OptionError, OutputRate, Summary, convert, run_conversion
+from fpsboost import ClipInfo, Frame, OptionError, Summary, Timing, convert, run_conversion
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 from support.conversion_options import grouped
 from support.memory_frames import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames
@@ -35,7 +35,7 @@ def source_of(info: ClipInfo, times: Iterable[Fraction], end: Fraction) -> FakeS
     return source
 
 
-def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: OutputRate) -> tuple[list[Frame], Summary]:
+def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: Timing) -> tuple[list[Frame], Summary]:
     """What comes out, with the remarks of the pace."""
     source, sink, schedule = source_of(info, times, end), FakeSink(), pace.schedule(info)
     summary = run_conversion(source, replace(BLEND, duplicates=None), sink, schedule)
@@ -48,13 +48,13 @@ def test_twice_the_rate_unless_told():
     info = info_of(Fraction(24))
     forgiving = ByRate.forgiving
     tick = info.time_base
-    assert OutputRate().schedule(info) == forgiving(Fraction(48), Fraction(24), tick)
-    assert OutputRate(Fraction(5, 2)).schedule(info) == forgiving(Fraction(60), Fraction(24), tick)
-    assert OutputRate(fps=NTSC).schedule(info) == forgiving(NTSC, Fraction(24), tick)
-    assert OutputRate(keep_timing=True).schedule(info) == ByFactor(Fraction(2), Fraction(1))
-    assert OutputRate(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3), Fraction(1))
-    assert OutputRate(Fraction(3)).schedule(info_of(Fraction(2)), has_clock=False).longest == 5
-    assert OutputRate(fps=NTSC).schedule(info, has_clock=False) == forgiving(NTSC, Fraction(24), tick)
+    assert Timing().schedule(info) == forgiving(Fraction(48), Fraction(24), tick)
+    assert Timing(Fraction(5, 2)).schedule(info) == forgiving(Fraction(60), Fraction(24), tick)
+    assert Timing(fps=NTSC).schedule(info) == forgiving(NTSC, Fraction(24), tick)
+    assert Timing(keep_timing=True).schedule(info) == ByFactor(Fraction(2), Fraction(1))
+    assert Timing(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3), Fraction(1))
+    assert Timing(Fraction(3)).schedule(info_of(Fraction(2)), has_clock=False).longest == 5
+    assert Timing(fps=NTSC).schedule(info, has_clock=False) == forgiving(NTSC, Fraction(24), tick)
 
 
 @pytest.mark.parametrize(
@@ -72,24 +72,24 @@ def test_twice_the_rate_unless_told():
 def test_contradictions_are_refused(wrong, message):
     """A sentence about the options, before any file is opened."""
     with pytest.raises(OptionError, match=message):
-        OutputRate(**wrong)
+        Timing(**wrong)
 
 
 def test_a_rate_beyond_all_measure_is_refused():
     """A factor within its bounds can still ask for too much of a clip."""
     with pytest.raises(OptionError, match=r"`factor=900` makes 108000 frames per second of clip\.mp4"):
-        OutputRate(Fraction(900)).schedule(info_of(Fraction(120)))
+        Timing(Fraction(900)).schedule(info_of(Fraction(120)))
 
 
 @pytest.mark.parametrize(
     ("pace", "source"),
     [
-        (OutputRate(fps=NTSC), FILM),
-        (OutputRate(Fraction(5, 2)), FILM),
-        (OutputRate(Fraction(3, 2)), Fraction(25)),
-        (OutputRate(Fraction(2, 3)), Fraction(60)),
-        (OutputRate(fps=Fraction(24)), Fraction(30000, 1001)),
-        (OutputRate(Fraction(5, 2), keep_timing=True), FILM),
+        (Timing(fps=NTSC), FILM),
+        (Timing(Fraction(5, 2)), FILM),
+        (Timing(Fraction(3, 2)), Fraction(25)),
+        (Timing(Fraction(2, 3)), Fraction(60)),
+        (Timing(fps=Fraction(24)), Fraction(30000, 1001)),
+        (Timing(Fraction(5, 2), keep_timing=True), FILM),
     ],
     ids=str,
 )
@@ -130,7 +130,7 @@ def test_ten_hours_stay_exact(pace, source, clock):
 )
 def test_times_increase_whatever_the_clock(rate, factor, tick, intervals):
     """Where a frame is taken to be is never before the place of an earlier one, and half a frame away at most."""
-    schedule = OutputRate(factor).schedule(info_of(rate, tick))
+    schedule = Timing(factor).schedule(info_of(rate, tick))
     times = [Fraction(0)]
     for interval in intervals:
         times.append(times[-1] + interval * tick)
@@ -147,7 +147,7 @@ def test_milliseconds_mean_the_rate_that_was_rounded(start, factor):
     count = 26  # what is rounded off comes around after 24 frames
     times = [start + Fraction(round(k / FILM * 1000), 1000) for k in range(count)]
     end = start + Fraction(round(count / FILM * 1000), 1000)
-    frames, summary = play(info_of(FILM, MILLISECOND), times, end, OutputRate(factor))
+    frames, summary = play(info_of(FILM, MILLISECOND), times, end, Timing(factor))
     assert [frame.time for frame in frames] == [start + k / (FILM * factor) for k in range(count * int(factor))]
     assert [frame.original for frame in frames[:: int(factor)]] == list(range(count))
     assert all(frame.original is None for k, frame in enumerate(frames[:-1]) if k % factor and k < (count - 1) * factor)
@@ -158,7 +158,7 @@ def test_a_variable_rate_becomes_constant_and_is_said():
     """Even times, each frame mixed by its true time, as long as the source, and a remark that says so."""
     times = [Fraction(t, 100) for t in (0, 4, 8, 18, 22, 30, 34)]
     info = info_of(Fraction(25), Fraction(1, 100))
-    frames, summary = play(info, times, Fraction(38, 100), OutputRate())
+    frames, summary = play(info, times, Fraction(38, 100), Timing())
     assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(19)]
     assert frames[-1].time + frames[-1].duration == Fraction(38, 100)
     assert [int(frame.image[0, 0, 0]) for frame in frames[4:10]] == [20, 22, 24, 26, 28, 30]
@@ -166,14 +166,14 @@ def test_a_variable_rate_becomes_constant_and_is_said():
         "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and `keep_timing` keeps it "
         "variable."
     ]
-    assert play(info, times, Fraction(38, 100), OutputRate(keep_timing=True))[1].remarks == []
-    assert play(info, times, Fraction(38, 100), OutputRate(fps=Fraction(60)))[1].remarks == []
+    assert play(info, times, Fraction(38, 100), Timing(keep_timing=True))[1].remarks == []
+    assert play(info, times, Fraction(38, 100), Timing(fps=Fraction(60)))[1].remarks == []
 
 
 def test_across_a_pause_the_picture_is_repeated():
     """Three seconds without a frame: no motion is made up for them, the picture stands, and that is said."""
     times = [Fraction(k, 25) for k in range(5)] + [3 + Fraction(k, 25) for k in range(5, 10)]
-    frames, summary = play(info_of(Fraction(25)), times, 3 + Fraction(10, 25), OutputRate())
+    frames, summary = play(info_of(Fraction(25)), times, 3 + Fraction(10, 25), Timing())
     assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(170)]
     assert {frame.original for frame in frames[8:160]} == {4}
     assert frames[160].original == 5
@@ -188,7 +188,7 @@ def test_a_damaged_time_does_not_fill_the_disk():
     """Days without a frame become one long frame and a remark; what comes after keeps its times."""
     gap = 100 * MAX_FILLED
     times = [Fraction(k, 25) for k in range(5)] + [gap + Fraction(k, 25) for k in range(5)]
-    frames, summary = play(info_of(Fraction(25)), times, gap + Fraction(5, 25), OutputRate())
+    frames, summary = play(info_of(Fraction(25)), times, gap + Fraction(5, 25), Timing())
     assert len(frames) == 9 + 10
     assert frames[8].duration == gap - Fraction(4, 25)
     assert any("59999.8 s" in remark and "as one long frame" in remark for remark in summary.remarks)
@@ -197,12 +197,12 @@ def test_a_damaged_time_does_not_fill_the_disk():
 @pytest.mark.parametrize(
     ("pace", "rate", "stretch"),
     [
-        (OutputRate(slow_motion=True), FILM, Fraction(2)),
-        (OutputRate(Fraction(4), slow_motion=True), FILM, Fraction(4)),
-        (OutputRate(Fraction(5, 2), slow_motion=True), FILM, Fraction(5, 2)),
-        (OutputRate(Fraction(4), Fraction(60), slow_motion=True), Fraction(60), Fraction(4)),
-        (OutputRate(None, Fraction(60), slow_motion=True), Fraction(60), Fraction(2)),
-        (OutputRate(Fraction(3), keep_timing=True, slow_motion=True), FILM, Fraction(3)),
+        (Timing(slow_motion=True), FILM, Fraction(2)),
+        (Timing(Fraction(4), slow_motion=True), FILM, Fraction(4)),
+        (Timing(Fraction(5, 2), slow_motion=True), FILM, Fraction(5, 2)),
+        (Timing(Fraction(4), Fraction(60), slow_motion=True), Fraction(60), Fraction(4)),
+        (Timing(None, Fraction(60), slow_motion=True), Fraction(60), Fraction(2)),
+        (Timing(Fraction(3), keep_timing=True, slow_motion=True), FILM, Fraction(3)),
     ],
     ids=str,
 )
@@ -213,7 +213,7 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     times = [start + k / FILM for k in range(12)]
     source, sink, schedule = source_of(info, times, start + 12 / FILM), FakeSink(), pace.schedule(info)
     run_conversion(source, BLEND, sink, schedule, stretch=pace.stretch)
-    assert pace.timing(info, schedule).rate == rate
+    assert pace.output_timing(info, schedule).rate == rate
     assert [frame.time for frame in sink.frames] == [
         start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))
     ]

@@ -1,4 +1,4 @@
-"""Output rate: the options that set it, the resulting schedule for a clip, and the intervals between its frames."""
+"""Timing of the output: its options, the resulting schedule for a clip, and the intervals between its frames."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ SlowSound = Literal["drop", "stretch"]
 
 
 @dataclass(frozen=True)
-class OutputRate(Checked):
-    """Frame rate of the output; by default constant, and twice the source's.
+class Timing(Checked):
+    """What the output shows when, and its frame rate; by default constant, and twice the source's.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ class OutputRate(Checked):
     shutter : Fraction, int, float or str, optional
         Motion blur: shutter angle, degrees, above 0 and at most 360. Every frame, the source's own too, becomes the
         mean of several that are made around its time, over this share of the interval between output frames.
-    shutter_samples : int, optional
-        Number of frames that are averaged, odd; 15 by default. No steps are visible with one for each pixel of the
+    shutter_samples : int
+        Number of frames that are averaged, odd. No steps are visible with one for each pixel of the
         fastest motion during the exposure.
     duplicates : {'interpolate', 'keep', 'drop'}
         Frames that repeat the one before: treated as the method says, which replaces them by interpolated ones unless
@@ -96,7 +96,7 @@ class OutputRate(Checked):
 
     Examples
     --------
-    >>> OutputRate(factor=4, slow_motion=True).stretch, OutputRate(fps=59.94).fps
+    >>> Timing(factor=4, slow_motion=True).stretch, Timing(fps=59.94).fps
     (Fraction(4, 1), Fraction(60000, 1001))
     """
 
@@ -132,7 +132,7 @@ class OutputRate(Checked):
     shutter: Annotated[Rate, Range(above=0, most=360, unit=" degrees")] | None = option(
         None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
     )
-    shutter_samples: int | None = option(None, "Frames averaged for motion blur, odd; else 15.")
+    shutter_samples: int = option(DEFAULT_SAMPLES, "Frames averaged for motion blur, odd.")
     duplicates: AnyDuplicates = option("interpolate", "Repeats: interpolate, keep, drop.", group="Input")
 
     def __post_init__(self) -> None:
@@ -142,8 +142,7 @@ class OutputRate(Checked):
     @property
     def exposure(self) -> Shutter | None:
         """Shutter of the motion blur; None without it."""
-        samples = self.shutter_samples or DEFAULT_SAMPLES
-        return None if self.shutter is None else Shutter(Fraction(self.shutter), samples)
+        return None if self.shutter is None else Shutter(Fraction(self.shutter), self.shutter_samples)
 
     @property
     def multiple(self) -> Fraction:
@@ -238,7 +237,7 @@ class OutputRate(Checked):
         grid = ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
         return grid if curve is None else RetimeSchedule(**vars(grid), curve=curve)
 
-    def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
+    def output_timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
         """Return the rate and time base of the output of a schedule, after slow motion is applied."""
         base = schedule.time_base(info.time_base)
         rate = schedule.rate(info.rate) / self.stretch
@@ -277,11 +276,14 @@ def readable(number: Rate) -> str:
     return f"{float(number):.3f}".rstrip("0").rstrip(".")
 
 
-def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
+def exposed(schedule: Schedule, timing: Timing) -> Schedule:
     """Return the schedule of all samples of every exposure; the schedule itself without motion blur."""
-    if rate.exposure is not None and isinstance(schedule, RetimeSchedule):
-        return replace(schedule, shutter=rate.exposure)
-    return schedule if rate.exposure is None else ExposureSchedule(schedule, rate.exposure)
+    shutter = timing.exposure
+    if shutter is None:
+        return schedule
+    if isinstance(schedule, RetimeSchedule):
+        return replace(schedule, shutter=shutter)
+    return ExposureSchedule(schedule, shutter)
 
 
 @dataclass
