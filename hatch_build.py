@@ -189,10 +189,12 @@ class Descriptions:
             return kind, f"[{1 + len(others)}]", f"({', '.join(f'{n} {layout}' for n in range(1 + len(others)))})"
         if ast.unparse(first) != "Array":
             return self.field(file, first)
-        types, axes = re.findall(r"^(?:\w+: )?([\w|]+) \((.*?),?\)[a-z ]*$", ast.literal_eval(others[0]))[0]
+        pattern = r"^(out )?(?:\w+: )?([\w|]+) \((.*?),?\)[a-z ]*$"
+        is_output, types, axes = re.findall(pattern, ast.literal_eval(others[0]))[0]
         element = {"bool": "bool", "float32": "float", "float64": "double"}.get(types, f"{types}_t")
+        element = f"{'' if is_output else 'const '}{'Any' if '|' in types else element}"
         count = 1 + axes.count(",")
-        return f"ArrayOf<{'Any' if '|' in types else element}, {count}>", "", f"{types}[{count}]"
+        return f"ArrayOf<{element}, {count}>", "", f"{types}[{count}]"
 
 
 def headers(folder: Path) -> None:

@@ -347,7 +347,7 @@ class YCbCrImage(ImageView):
         return replace(self, planes=(y, cb, cr))
 
     def spline_planes(self) -> tuple[np.ndarray, np.ndarray, np.float32, int]:
-        unit = np.float32(1 / self.white)  # also for chroma, whose weight is then about that in a sum over B, G and R
+        unit = 1 / self.white  # also for chroma, whose weight is then about that in a sum over B, G and R
         full = self.planes[: self._full_planes]
         half = self.planes[self._full_planes :]
         together = full[0][np.newaxis] if len(full) == 1 else np.stack(full)
@@ -412,9 +412,9 @@ def check_pair(
         )
 
 
-def rounding_offset(image: Pixels) -> np.float32:
+def rounding_offset(image: Pixels) -> float:
     """Return the offset to add before the conversion to the image's type: 0.5 for integers, 0 for float."""
-    return np.float32(0 if image.dtype == np.float32 else 0.5)
+    return 0 if image.dtype == np.float32 else 0.5
 
 
 def as_image(values: np.ndarray, image0: Image, image1: Image, t: float) -> Image:

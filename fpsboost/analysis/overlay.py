@@ -23,7 +23,7 @@ BLOCK_SIZE = 32
 """Side of the blocks that share the motion of their surroundings, pixels."""
 
 MEDIAN_SIZE = 5  # side of the median filter that gives the motion of the surroundings, blocks
-MIN_MOTION = np.float32(1)  # motion below which surroundings count as still, pixels
+MIN_MOTION = 1.0  # motion below which surroundings count as still, pixels
 
 STATIC_THRESHOLD = 8
 """Greatest change of luma of a static pixel, levels of 255; see `CHROMA_WEIGHT` about chroma."""
@@ -85,7 +85,7 @@ def _mark(planes: Sequence[np.ndarray], motion: np.ndarray, white: float, step: 
     same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
     frames = FourFrames(*map(np.ascontiguousarray, planes))
     marks = np.empty(frames.image0.shape, np.uint8)
-    mark_overlay(frames, motion, BLOCK_SIZE // step, MIN_MOTION / np.float32(step), same, different, marks)
+    mark_overlay(frames, motion, BLOCK_SIZE // step, MIN_MOTION / step, same, different, marks)
     return marks
 
 

@@ -122,6 +122,7 @@ def compiled(function: Callable[Parameters, None]) -> Callable[Parameters, None]
     Arguments are integers, floats, arrays, named tuples of these, and tuples of a fixed number of them. Arrays are
     annotated as ``Annotated[Array, "float32 (height, width)"]``, with the type of their elements and their axes:
 
+    - ``out float32 (height, width)``: an array that is written, also one that is updated; all others are only read.
     - Axes of one name have one size in all arrays of a call. A name may be followed by a condition on it, such as
       ``columns >= width + 2 * padding``, of other axes, of the whole numbers among the arguments, and of `constants`;
       numbers and constants in place of a name are the size itself.
@@ -132,11 +133,11 @@ def compiled(function: Callable[Parameters, None]) -> Callable[Parameters, None]
     - ``Record | None``: None stands for no record, which C++ sees as zeros.
     - ``Annotated[Record, "further"]``, or a further text for an array: names of axes count within this scope first.
 
-    Raises `TypeError` if an array has another type, `ValueError` if it has another shape, and `struct.error` if a
-    number is none of its type.
+    Raises `TypeError` if an array has another type, `ValueError` if it has another shape or is read-only although it is
+    written, and `struct.error` if a number is none of its type.
     """
     names = [name for name in signature(function).parameters if name != "scratch"]
-    unknown = (None,) * (len(names) < len(signature(function).parameters))
+    unknown = (None,) * ("scratch" in function.__annotations__)
 
     @cache
     def entry() -> tuple[Any, Convert, Callable[[tuple[Hashable, ...]], None]]:
@@ -224,29 +225,30 @@ def record(fields: dict[str, Field], may_be_none: bool = False) -> Field:
 
 def array_field(name: str, description: str, scope: str) -> Field:
     """Return the field of an array of the type and axes that are described."""
-    variable, kinds, axes, empty, strided = re.fullmatch(  # type: ignore[union-attr]
-        r"(?:(\w+): )?([\w|]+) \((.*)\)( or empty)?( strided)?", description
+    is_output, variable, kinds, axes, empty, strided = re.fullmatch(  # type: ignore[union-attr]
+        r"(out )?(?:(\w+): )?([\w|]+) \((.*)\)( or empty)?( strided)?", description
     ).groups()
     own = Compared(scope, name, kinds.split("|"), variable, re.split(", *", axes.rstrip(",")), bool(empty))
-    numbers = {np.dtype(kind): KINDS.index(kind) for kind in own.kinds}
     unused = [0] * (MAX_AXES - len(own.axes))
 
     @lru_cache(32)  # arrays of a run have few shapes
     def checked(kind: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], is_contiguous: bool) -> bytes:
-        if kind not in numbers:
+        if str(kind) not in own.kinds:
             raise TypeError(f"{name} must be {' or '.join(own.kinds)}, not {kind}.")
         if len(shape) != len(own.axes):
             raise ValueError(f"{name} must have the shape ({axes}), not {shape}.")
         if not (strided or is_contiguous):
             raise ValueError(f"{name} must be contiguous.")
         steps = [stride // kind.itemsize for stride in strides]
-        return struct.pack(f"{1 + 2 * MAX_AXES}q", numbers[kind], *shape, *unused, *steps, *unused)
+        return struct.pack(f"{1 + 2 * MAX_AXES}q", KINDS.index(str(kind)), *shape, *unused, *steps, *unused)
 
     def convert(array: Array, compared: list[Hashable]) -> bytes:
         rest = checked(array.dtype, array.shape, array.strides, array.flags.c_contiguous)
         compared.append(rest)
         # the quick way to the address needs an array that fills its memory and may be written
         quick = array.flags.carray
+        if is_output and not (quick or array.flags.writeable):
+            raise ValueError(f"{name} is written, so it must not be read-only.")
         address = ctypes.addressof(Start.from_buffer(array)) if quick else array.ctypes.data  # type: ignore[arg-type]
         return address.to_bytes(8, sys.byteorder) + rest
 

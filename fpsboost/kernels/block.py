@@ -28,8 +28,10 @@ def match_blocks(
     block_size: int,
     search_range: int,
     plan: SearchPlan,
-    motion: Annotated[Array, "int32 (rows == -(-height // block_size), columns, 2)"],
-    difference: Annotated[Array, "pixel: int64|int64|float32 (rows, columns == -(-values // channels // block_size))"],
+    motion: Annotated[Array, "out int32 (rows == -(-height // block_size), columns, 2)"],
+    difference: Annotated[
+        Array, "out pixel: int64|int64|float32 (rows, columns == -(-values // channels // block_size))"
+    ],
 ) -> None:
     """Find the best match in the second image for every block of the first.
 

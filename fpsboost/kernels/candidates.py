@@ -29,16 +29,16 @@ class Votes(NamedTuple):
 class CollectedVotes(NamedTuple):
     """Votes for the candidates of each node; each node lies at the centre of a cell of `spacing` pixels."""
 
-    listed: Annotated[Array, "int32 (rows, columns)"]
+    listed: Annotated[Array, "out int32 (rows, columns)"]
     """Candidates of each node so far."""
-    votes: Annotated[Array, "float32 (rows, columns, capacity)"]
+    votes: Annotated[Array, "out float32 (rows, columns, capacity)"]
     """Votes of each listed candidate."""
-    places: Annotated[Array, "int32 (rows, columns, capacity)"]
+    places: Annotated[Array, "out int32 (rows, columns, capacity)"]
     """Index of each listed candidate in `sums`."""
-    sums: Annotated[Array, "float32 (candidates == rows * columns * capacity, SUMS_PER_CANDIDATE)"]
+    sums: Annotated[Array, "out float32 (candidates == rows * columns * capacity, SUMS_PER_CANDIDATE)"]
     """Sums over the votes of all candidates in the order in which they were found; as most nodes have few candidates,
     most of it is never touched."""
-    total: Annotated[Array, "int64 (1,)"]
+    total: Annotated[Array, "out int64 (1,)"]
     """Number of candidates of all nodes."""
     spacing: int
 
@@ -94,7 +94,9 @@ def list_candidates(
     acceleration_tolerance: Float,
     min_share: Float,
     min_weight: Float,
-    candidates: Candidates,
+    listed: Annotated[Array, "out int32 (rows, columns)"],
+    motions: Annotated[Array, "out float32 (rows, columns, room, VALUES_PER_MOTION)"],
+    weights: Annotated[Array, "out float32 (rows, columns, room)"],
 ) -> None:
     """Write the candidates of each node, as many as fit, in order of decreasing votes, followed by zero motion.
 
@@ -103,4 +105,5 @@ def list_candidates(
       weight, pixels
     - `min_share`: added to each candidate's share of all votes
     - `min_weight`: subtracted from each weight, as a share of the largest weight, so that weights fade out continuously
+    - `listed`, `motions`, `weights`: of `Candidates`
     """

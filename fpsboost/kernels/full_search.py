@@ -19,9 +19,9 @@ from fpsboost.kernels.binding import Array, Scratch, compiled
 class BestOffsets(NamedTuple):
     """Best offset of every pixel of a frame so far."""
 
-    similarity: Annotated[Array, "score: int32|float32 (height, columns >= width + 2 * LANES)"]
+    similarity: Annotated[Array, "out score: int32|float32 (height, columns >= width + 2 * LANES)"]
     """Summed similarity, int32 (box) or float32 (weights), -1 at the start."""
-    ranks: Annotated[Array, "int32 (height, columns)"]
+    ranks: Annotated[Array, "out int32 (height, columns)"]
     """Rank of the best offset, 0 at the start."""
 
 

@@ -38,11 +38,11 @@ class Proposals(NamedTuple):
 class OffsetLists(NamedTuple):
     """Most similar offsets of each point in decreasing order, at points `step` pixels apart, the first at step / 2."""
 
-    listed: Annotated[Array, "int32 (down == -(-height // step), across == -(-width // step))"]
+    listed: Annotated[Array, "out int32 (down == -(-height // step), across == -(-width // step))"]
     """Number of offsets of each point."""
-    similarity: Annotated[Array, "float32 (down, across, capacity)"]
+    similarity: Annotated[Array, "out float32 (down, across, capacity)"]
     """Mean similarity."""
-    flow: Annotated[Array, "float32 (down, across, capacity, 2)"]
+    flow: Annotated[Array, "out float32 (down, across, capacity, 2)"]
     """Offsets, whole pixels."""
 
 
@@ -85,8 +85,8 @@ class LevelSettings(NamedTuple):
 class Points(NamedTuple):
     """Motion in both directions at points `step` pixels apart, the first at step / 2."""
 
-    flow: Annotated[Array, "float32 (2, rows == -(-height // step), columns == -(-width // step), 2)"]
-    similarity: Annotated[Array, "float32 (2, rows, columns)"]
+    flow: Annotated[Array, "out float32 (2, rows == -(-height // step), columns == -(-width // step), 2)"]
+    similarity: Annotated[Array, "out float32 (2, rows, columns)"]
 
 
 @compiled
@@ -136,9 +136,9 @@ def choose_labels(
     smoothness_weight: Annotated[Array, "float32 (rows, columns)"],
     smoothness: Float,
     slope: Float,
-    costs: Annotated[Array, "float32 (rows, columns, padded == (capacity + 7) // 8 * 8)"],
-    flow: Annotated[Array, "float32 (rows, columns, 2)"],
-    chosen: Annotated[Array, "float32 (rows, columns)"],
+    costs: Annotated[Array, "out float32 (rows, columns, padded == (capacity + 7) // 8 * 8)"],
+    flow: Annotated[Array, "out float32 (rows, columns, 2)"],
+    chosen: Annotated[Array, "out float32 (rows, columns)"],
     scratch: Scratch = None,
 ) -> None:
     """Choose the label of every node with the lowest cost, aggregated over its neighbours; the first of several.

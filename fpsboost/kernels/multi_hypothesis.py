@@ -56,15 +56,16 @@ class ValueRange(NamedTuple):
 class Blended(NamedTuple):
     """Generated frame."""
 
-    image: Annotated[Array, "uint8|uint16|float32 (planes, height, width) strided"]
+    image: Annotated[Array, "out uint8|uint16|float32 (planes, height, width) strided"]
     """Planes at full resolution, in any order of the axes."""
     further: Annotated[
         Array,
-        "uint8|uint16|float32 (planes, own_height == height or planes == 0, own_width == width or planes == 0) strided",
+        "out uint8|uint16|float32 "
+        "(planes, own_height == height or planes == 0, own_width == width or planes == 0) strided",
         "further",
     ]
     """Planes that are sampled along, any number."""
-    confidence: Annotated[Array, "float32 (height, width) or empty"]
+    confidence: Annotated[Array, "out float32 (height, width) or empty"]
     """Is empty if the confidence is not requested."""
 
 
@@ -95,8 +96,8 @@ def find_dominant_motion(
     t: Float,
     candidates: Candidates,
     weighting: Weighting,
-    weights: Annotated[Array, "float32 (height, width)"],
-    places: Annotated[Array, "float32 (4, height, width)"],
+    weights: Annotated[Array, "out float32 (height, width)"],
+    places: Annotated[Array, "out float32 (4, height, width)"],
     scratch: Scratch = None,
 ) -> None:
     """Write where each pixel lies in both frames along the candidate with the largest weight.
@@ -132,11 +133,11 @@ def extract_features(
     candidates: Candidates,
     weighting: Weighting,
     context: PairContext,
-    features: Annotated[Array, "float32 (room, FEATURES, BLOCKS_2X2)"],
-    gains: Annotated[Array, "float32 (room, BLOCKS_2X2)"],
-    mixed: Annotated[Array, "float32 (room, planes, samples == WINDOW * WINDOW)"],
-    change: Annotated[Array, "float32 (room, planes, samples)"],
-    count: Annotated[Array, "int64 (1,)"],
+    features: Annotated[Array, "out float32 (room, FEATURES, BLOCKS_2X2)"],
+    gains: Annotated[Array, "out float32 (room, BLOCKS_2X2)"],
+    mixed: Annotated[Array, "out float32 (room, planes, samples == WINDOW * WINDOW)"],
+    change: Annotated[Array, "out float32 (room, planes, samples)"],
+    count: Annotated[Array, "out int64 (1,)"],
     scratch: Scratch = None,
 ) -> None:
     """Write the inputs of the learnt weights for the compared candidates of a node.

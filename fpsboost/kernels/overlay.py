@@ -22,7 +22,7 @@ def mark_overlay(
     shortest: Float,
     same: int,
     different: int,
-    marks: Annotated[Array, "uint8 (height, width)"],
+    marks: Annotated[Array, "out uint8 (height, width)"],
     scratch: Scratch = None,
 ) -> None:
     """Find the pixels that stay the same although their surroundings move.

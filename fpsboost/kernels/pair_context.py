@@ -45,7 +45,7 @@ def count_landings(
     points: Annotated[Array, "float32 (rows, columns, 5)"],
     t: Float,
     step: int,
-    landings: Annotated[Array, "float32 (rows, columns)"],
+    landings: Annotated[Array, "out float32 (rows, columns)"],
 ) -> None:
     """Count how many points of a frame land around each point of the in-between frame, bilinearly, at most 2.
 
@@ -60,7 +60,7 @@ def measure_support(
     candidates: Candidates,
     context: PairContext,
     t: Float,
-    support: Annotated[Array, "float32 (rows, columns, room)"],
+    support: Annotated[Array, "out float32 (rows, columns, room)"],
     scratch: Scratch = None,
 ) -> None:
     """Write how far the neighbours of each node agree with each of its candidates, the support of `PairContext`.

@@ -82,7 +82,7 @@ def split_colours(
     scale: Float,
     middle: Float,
     padding: int,
-    planes: Annotated[Array, "uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
+    planes: Annotated[Array, "out uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
     scratch: Scratch = None,
 ) -> None:
     """Write half the luma, twice its difference from the local mean, and mean chroma.
@@ -104,7 +104,7 @@ def split_planes(
     scale: Float,
     middle: Float,
     padding: int,
-    planes: Annotated[Array, "uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
+    planes: Annotated[Array, "out uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
     scratch: Scratch = None,
 ) -> None:
     """Do the same as `split_colours` for an image in planes of luma and chroma.
@@ -116,7 +116,7 @@ def split_planes(
 @compiled
 def shrink(
     rows: Annotated[Array, "uint8|uint16|float32 (height, values)"],
-    small: Annotated[Array, "float32 (rows <= height, columns <= values // channels, channels)"],
+    small: Annotated[Array, "out float32 (rows <= height, columns <= values // channels, channels)"],
     scratch: Scratch = None,
 ) -> None:
     """Write the mean over the area of each pixel of a reduced image; partly covered pixels count in part.

@@ -9,7 +9,7 @@ from fpsboost.kernels.binding import Array, Float, compiled
 def find_gradients(
     vectors: Annotated[Array, "float32 (rows, columns, 2)"],
     spacing: Float,
-    gradients: Annotated[Array, "float32 (rows, columns, 2, 2)"],
+    gradients: Annotated[Array, "out float32 (rows, columns, 2, 2)"],
 ) -> None:
     """Write the gradients of vectors along both axes, using the minmod limiter; 0 at the ends of an axis.
 
@@ -27,7 +27,7 @@ def measure_forward_backward_errors(
     spacing: int,
     height: int,
     width: int,
-    distance: Annotated[Array, "float32 (rows, columns)"],
+    distance: Annotated[Array, "out float32 (rows, columns)"],
 ) -> None:
     """Measure the forward-backward error of vectors.
 
@@ -61,7 +61,7 @@ def find_accelerations(
     x: Annotated[Array, "int64 (columns,)"],
     ratio: float,
     consistent: Float,
-    changes: Annotated[Array, "float32 (rows, columns, 3)"],
+    changes: Annotated[Array, "out float32 (rows, columns, 3)"],
 ) -> None:
     """Estimate the acceleration at the frame that two neighbouring pairs share.
 

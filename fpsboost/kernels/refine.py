@@ -15,7 +15,7 @@ def refine_bidirectional(
     largest: Float,
     steps: int,
     refined: Annotated[Array, "float32 (2, down, across, 2) or empty"],
-    flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
+    flow: Annotated[Array, "out float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
 ) -> None:
     """Refine the vector of every point of both frames by least-squares steps on its window.
 

@@ -14,8 +14,8 @@ def search_iteratively(
     flow: Annotated[Array, "float32 (height, width, 2)"],
     t: Float,
     iterations: int,
-    source: Annotated[Array, "int32 (height, width)"],
-    lands: Annotated[Array, "bool (height, width)"],
+    source: Annotated[Array, "out int32 (height, width)"],
+    lands: Annotated[Array, "out bool (height, width)"],
 ) -> None:
     """Search the source pixels by fixed-point iteration (Yang et al. 2011): q <- p - t m(q), until q lands on p.
 
@@ -27,8 +27,8 @@ def search_iteratively(
 def bin_landings(
     flow: Annotated[Array, "float32 (height, width, 2)"],
     t: Float,
-    starts: Annotated[Array, "int32 (ends == height * width + 1,)"],
-    members: Annotated[Array, "int32 (pixels == height * width,)"],
+    starts: Annotated[Array, "out int32 (ends == height * width + 1,)"],
+    members: Annotated[Array, "out int32 (pixels == height * width,)"],
 ) -> None:
     """Sort all source pixels by the pixel on which they land at time t, in raster order within such a cell.
 
@@ -44,8 +44,8 @@ def search_nearest_landing(
     search_radius: int,
     starts: Annotated[Array, "int32 (ends == height * width + 1,)"],
     members: Annotated[Array, "int32 (pixels == height * width,)"],
-    source: Annotated[Array, "int32 (height, width)"],
-    lands: Annotated[Array, "bool (height, width)"],
+    source: Annotated[Array, "out int32 (height, width)"],
+    lands: Annotated[Array, "out bool (height, width)"],
 ) -> None:
     """Search all sources within the radius, along x and y, for the one that lands nearest to the target: exact brute
     force.
@@ -67,7 +67,7 @@ def fetch_both(
     lands0: Annotated[Array, "bool (height, width)"],
     source1: Annotated[Array, "int32 (height, width)"],
     lands1: Annotated[Array, "bool (height, width)"],
-    out: Annotated[Array, "pixel: uint8|uint16|float32 (height, width, channels)"],
+    out: Annotated[Array, "out pixel: uint8|uint16|float32 (height, width, channels)"],
 ) -> None:
     """Write the colour of every target: both sources blended in time, or the only source that lands on it.
 
@@ -81,8 +81,8 @@ def splat(
     similarity: Annotated[Array, "float32 (height, width)"],
     least_similarity: Float,
     t: Float,
-    source0: Annotated[Array, "int32 (height, width)"],
-    source1: Annotated[Array, "int32 (height, width)"],
+    source0: Annotated[Array, "out int32 (height, width)"],
+    source1: Annotated[Array, "out int32 (height, width)"],
 ) -> None:
     """Find the most similar pixel that lands on each target at time t, and its position in both frames.
 

@@ -20,8 +20,8 @@ def search_residuals_bidirectional(
     patch_radius: int,
     min_similarity: Float,
     better: Float,
-    flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
-    similarity: Annotated[Array, "float32 (2, 2, down, across and patch_radius < padding)"],
+    flow: Annotated[Array, "out float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
+    similarity: Annotated[Array, "out float32 (2, 2, down, across and patch_radius < padding)"],
 ) -> None:
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame, in whole pixels.
 
@@ -45,7 +45,7 @@ def relax_smoothness(
     step: Float,
     tolerance: Float,
     weak: Float,
-    smoothness_weight: Annotated[Array, "float32 (2, down, across)"],
+    smoothness_weight: Annotated[Array, "out float32 (2, down, across)"],
 ) -> None:
     """Give points with new motion that the other frame confirms a smaller weight of the smoothness.
 

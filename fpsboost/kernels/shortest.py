@@ -13,11 +13,11 @@ from fpsboost.kernels.planes import PlanePair
 class ShortestMotion(NamedTuple):
     """Motion that explains each point."""
 
-    own: Annotated[Array, "float32 (down, across and patch_radius < padding)"]
+    own: Annotated[Array, "out float32 (down, across and patch_radius < padding)"]
     """Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame."""
-    best: Annotated[Array, "float32 (down, across)"]
+    best: Annotated[Array, "out float32 (down, across)"]
     """Largest similarity of all motions compared."""
-    shortest: Annotated[Array, "float32 (down, across)"]
+    shortest: Annotated[Array, "out float32 (down, across)"]
     """Larger component of the shortest motion whose similarity is sufficient, pixels."""
 
 

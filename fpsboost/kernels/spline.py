@@ -21,7 +21,9 @@ def find_coefficients(
     planes: Annotated[Array, "uint8|uint16|float32 (channels, height, width)"],
     unit: Float,
     weights: Annotated[Array, "float32 (stages <= 5,)"],
-    coefficients: Annotated[Array, "float32 (channels, rows == height + 2 * MARGIN, columns >= width + 2 * MARGIN)"],
+    coefficients: Annotated[
+        Array, "out float32 (channels, rows == height + 2 * MARGIN, columns >= width + 2 * MARGIN)"
+    ],
     scratch: Scratch = None,
 ) -> None:
     """Compute the B-spline coefficients of planes, whose edges are repeated.
@@ -63,8 +65,8 @@ def mix_along(
     source0: Source,
     source1: Source,
     t: Float,
-    mixed: Annotated[Array, "float32 (channels, height, width)"],
-    squared: Annotated[Array, "float32 (height, width)"],
+    mixed: Annotated[Array, "out float32 (channels, height, width)"],
+    squared: Annotated[Array, "out float32 (height, width)"],
 ) -> None:
     """Mix both frames in time along their motions; a frame that does not show the surface has no weight.
 

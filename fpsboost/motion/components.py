@@ -93,7 +93,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> np.ndarray
         split_colours(np.ascontiguousarray(colours), 1 / seen.white, *target)
     else:
         black, luma_span, neutral, chroma_span = seen.coding.levels
-        levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
+        levels = CodeLevels(black, 1 / luma_span, neutral, 1 / chroma_span)
         y, cb, cr = map(np.ascontiguousarray, seen.channels())
         split_planes(y, cb, cr, levels, *target)
     return planes

@@ -19,24 +19,33 @@
 // declared in records.h, under a name that ends with a checksum of its description.
 #define KERNEL(type, name, parameter) extern "C" EXPORT type ENTRY_##name(parameter)
 
-struct Array {  // as `array_field` of binding.py packs it; steps are in elements
-  void *data;
+struct Any {};  // one of several types: that of the array's kind
+
+template <typename T, int AXES> struct ArrayOf {  // as `array_field` of binding.py packs it; steps are in elements
+  T *data;
   Kind kind;
   Int shape[MAX_AXES], steps[MAX_AXES];
 };
-
-struct Any {};  // one of several types: that of the array's kind
-
-template <typename T, int AXES> struct ArrayOf : Array {};
 
 // Everything below is compiled at each level by itself: nothing may be shared between them, or the linker would keep
 // the code of one level for all.
 namespace {
 
+// Calls use(T()) with the type of pixels that a kind stands for.
+template <typename Use> FORCE_INLINE auto with_pixel_type(Kind kind, const Use &use) {
+  switch (kind) {
+    case UINT8: return use(uint8_t());
+    case UINT16: return use(uint16_t());
+    default: return use(float());
+  }
+}
+
+// The same bytes as another type: of pointers, and of vectors.
+template <typename To, typename From> FORCE_INLINE To as(From value) { return reinterpret_cast<To>(value); }
+
 template <typename T, typename Described> constexpr bool may_view = false;
 template <typename T> constexpr bool may_view<T, T> = true;
-template <typename T> constexpr bool may_view<const T, T> = true;
-template <typename T> constexpr bool may_view<T, Any> = true;
+template <typename T> constexpr bool may_view<T, const Any> = true;
 
 // An array of some type that fills its memory in C order; view(i, j) is an element, view.ptr(i) the address of a row.
 template <typename T, int N> struct View {
@@ -44,8 +53,8 @@ template <typename T, int N> struct View {
   Int shape[N];
 
   View() = default;
-  template <typename Described> explicit View(const ArrayOf<Described, N> &array) : data((T *)array.data) {
-    static_assert(may_view<T, Described>, "the type of elements that the array is described with");
+  template <typename Described> explicit View(const ArrayOf<Described, N> &array) : data(as<T *>(array.data)) {
+    static_assert(may_view<const T, const Described>, "the type of elements that the array is described with");
     for (int n = 0; n < N; n++) shape[n] = array.shape[n];
   }
   template <typename... Indices> T *ptr(Indices... indices) const {
@@ -69,9 +78,6 @@ template <typename T, int N> struct View {
 template <typename T> FORCE_INLINE T min(T a, T b) { return a < b ? a : b; }
 template <typename T> FORCE_INLINE T max(T a, T b) { return a > b ? a : b; }
 template <typename T> FORCE_INLINE T clamp(T value, T low, T high) { return min(max(value, low), high); }
-// The same bytes as another type: of pointers, and of vectors.
-template <typename To, typename From> FORCE_INLINE To as(From value) { return reinterpret_cast<To>(value); }
-
 FORCE_INLINE float absolute(float value) { return __builtin_fabsf(value); }
 
 }  // namespace

@@ -103,9 +103,5 @@ template <typename T> void match(const MatchBlocks &args) {
 }  // namespace
 
 KERNEL(void, match_blocks, const MatchBlocks &args) {
-  switch (args.rows0.kind) {
-    case UINT8: return match<uint8_t>(args);
-    case UINT16: return match<uint16_t>(args);
-    default: return match<float>(args);
-  }
+  with_pixel_type(args.rows0.kind, [&](auto pixel) { match<decltype(pixel)>(args); });
 }

@@ -20,11 +20,11 @@ struct NodeVotes {
   int32_t *places;
   VoteSums *sums;
 
-  NodeVotes(const CollectedVotes &all, Int row, Int column) : sums((VoteSums *)all.sums.data) {
+  NodeVotes(const CollectedVotes &all, Int row, Int column) : sums(as<VoteSums *>(all.sums.data)) {
     const Int node = row * all.listed.shape[1] + column, capacity = all.votes.shape[2];
-    listed = (int32_t *)all.listed.data + node;
-    votes = (float *)all.votes.data + node * capacity;
-    places = (int32_t *)all.places.data + node * capacity;
+    listed = all.listed.data + node;
+    votes = all.votes.data + node * capacity;
+    places = all.places.data + node * capacity;
   }
   VoteSums &of(Int k) const { return sums[places[k]]; }
 };
@@ -70,7 +70,7 @@ FORCE_INLINE void add_vote(const NodeVotes &node, const CollectedVotes &all, flo
   }
   if (k == all.votes.shape[2]) return;
   if (k == listed) {
-    Int &total = *(Int *)all.total.data;
+    Int &total = *all.total.data;
     ++*node.listed;
     node.votes[k] = 0;
     node.places[k] = int32_t(total);
@@ -161,15 +161,16 @@ KERNEL(void, collect_candidates, const CollectCandidates &args) {
 }
 
 KERNEL(void, list_candidates, const ListCandidates &args) {
-  const View<int32_t, 2> listed_of(args.candidates.listed);
-  const View<float, 3> weights_of(args.candidates.weights);
+  const View<int32_t, 2> listed_of(args.listed);
+  const View<float, 4> motions_of(args.motions);
+  const View<float, 3> weights_of(args.weights);
   const Int rows = listed_of.shape[0], columns = listed_of.shape[1], room = weights_of.shape[2];
   const float prior = float(args.zero_motion_prior), tolerance = float(args.acceleration_tolerance);
   const float min_share = float(args.min_share), min_weight = float(args.min_weight);
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
       const NodeVotes node(args.collected, row, column);
-      Motion *motions = (Motion *)args.candidates.motions.data + (row * columns + column) * room;
+      Motion *motions = as<Motion *>(motions_of.ptr(row, column));
       float *weights = weights_of.ptr(row, column), all_votes = 0;
       const Int count = *node.listed, listed = min(count, room - 1);
       for (Int k = 0; k < count; k++) all_votes += node.votes[k];

@@ -9,9 +9,6 @@
 
 namespace {
 
-typedef uint32_t U32 __attribute__((vector_size(64)));
-typedef uint32_t U32Unaligned __attribute__((vector_size(64), aligned(4), may_alias));
-
 constexpr Int STRIP_WIDTH = 640;     // columns per pass: little overhead of patch margins, and small enough for caches
 constexpr Int OFFSETS_PER_PASS = 8;  // neighbouring offsets that are processed together
 constexpr Int OFFSETS_AT_ONCE = 4;   // of which so many are compared with the best ones at a time
@@ -20,32 +17,12 @@ constexpr Int OUTSIDE = 2 * LANES;   // totals on either side of the candidates 
 
 constexpr Int MAX_SIZE = 2 * MAX_PATCH_RADIUS + 1;  // of patches
 
-FORCE_INLINE U32 load_words(const uint32_t *from) { return *(const U32Unaligned *)from; }
-FORCE_INLINE void store_words(uint32_t *to, U32 values) { *(U32Unaligned *)to = values; }
-
 // The lanes BY before those of a vector, of which the first are those of the vector before.
 template <int BY> FORCE_INLINE U32 preceding(U32 previous, U32 current) {
 #define LANE(n) 16 + n - BY
   return __builtin_shufflevector(previous, current, LANE(0), LANE(1), LANE(2), LANE(3), LANE(4), LANE(5), LANE(6),
                                  LANE(7), LANE(8), LANE(9), LANE(10), LANE(11), LANE(12), LANE(13), LANE(14), LANE(15));
 #undef LANE
-}
-
-template <typename Score> struct Vector;
-template <> struct Vector<float> {
-  typedef F16 Type;
-  typedef F16 Unaligned __attribute__((aligned(4), may_alias));
-};
-template <> struct Vector<int32_t> {
-  typedef I16 Type;
-  typedef I16 Unaligned __attribute__((aligned(4), may_alias));
-};
-
-template <typename Score> FORCE_INLINE typename Vector<Score>::Type load_scores(const Score *from) {
-  return *(const typename Vector<Score>::Unaligned *)from;
-}
-template <typename Score> FORCE_INLINE void store_scores(Score *to, typename Vector<Score>::Type values) {
-  *(typename Vector<Score>::Unaligned *)to = values;
 }
 
 // Sizes of the work arrays, in elements of four bytes.
@@ -123,29 +100,28 @@ template <Int SIZE> struct BoxScores {
   void begin(Int count, int32_t price, int32_t *scores) {
     const Int rounded = (count + size - 1 + LANES - 1) / LANES * LANES;
     for (Int row = 0; row < size; row++) __builtin_memset(ring + row * row_size, 0, rounded * sizeof(uint32_t));
-    for (Int x = 1 - size; x < count; x += LANES) store_scores(scores + x, -price - I16{});
+    for (Int x = 1 - size; x < count; x += LANES) store(scores + x, -price - I16{});
   }
 
   // Adds a row to the scores, in which it takes the place of the one that has left the boxes.
   void add_row(const PixelRow &pixels, Int row, int32_t *scores) {
     uint32_t *const slot = ring + row % size * row_size, *const values = latest;
-    uint32_t *const totals = (uint32_t *)scores - (size - 1);
+    uint32_t *const totals = as<uint32_t *>(scores) - (size - 1);
     const auto add = [=](U32 across, Int x) INLINE_LAMBDA {
-      store_words(totals + x, load_words(totals + x) + across - load_words(slot + x));
-      store_words(slot + x, across);
+      store(totals + x, load<U32>(totals + x) + across - load<U32>(slot + x));
+      store(slot + x, across);
     };
     if constexpr (SIZE != 0) {
       RunningSums sums;
       pixels.compare([&](I16 similarity, Int x) INLINE_LAMBDA {
-        sums.add((U32)similarity);
+        sums.add(as<U32>(similarity));
         add(sums.template sum_last<SIZE>(), x);
       });
     } else {
-      pixels.compare([=](I16 similarity, Int x)
-                         __attribute__((always_inline)) { store_words(values + x, (U32)similarity); });
+      pixels.compare([=](I16 similarity, Int x) INLINE_LAMBDA { store(values + x, as<U32>(similarity)); });
       for (Int x = 0; x < pixels.count; x += LANES) {
         U32 across{};
-        for (Int k = x + 1 - size; k <= x; k++) across += load_words(values + k);
+        for (Int k = x + 1 - size; k <= x; k++) across += load<U32>(values + k);
         add(across, x);
       }
     }
@@ -172,7 +148,7 @@ template <Int SIZE> struct WindowScores {
   void add_row(const PixelRow &pixels, Int row, float *) {
     float *const values = latest;
     pixels.compare([=](I16 similarity, Int x)
-                       __attribute__((always_inline)) { store(values + x, __builtin_convertvector(similarity, F16)); });
+                       INLINE_LAMBDA { store(values + x, __builtin_convertvector(similarity, F16)); });
     float *const across = ring + row % slots * row_size;
     for (Int x = 0; x < pixels.count - size + 1; x += BLOCK)
       sum_symmetric(x, 0, across, [=](Int k) INLINE_LAMBDA { return values + k; });
@@ -208,21 +184,21 @@ template <Int SIZE> struct WindowScores {
 template <typename Score>
 FORCE_INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const int32_t (&ranks)[OFFSETS_AT_ONCE],
                             Score *best, int32_t *winners, Int count) {
-  typedef typename Vector<Score>::Type V;
+  typedef Score V __attribute__((vector_size(64)));
   for (Int x = 0; x < count; x += LANES) {
     V value[OFFSETS_AT_ONCE];
     I16 rank[OFFSETS_AT_ONCE];
-    for (Int n = 0; n < OFFSETS_AT_ONCE; n++) value[n] = load_scores(scores[n] + x), rank[n] = ranks[n] - I16{};
+    for (Int n = 0; n < OFFSETS_AT_ONCE; n++) value[n] = load<V>(scores[n] + x), rank[n] = ranks[n] - I16{};
     for (Int n = 0; n < OFFSETS_AT_ONCE; n += 2) {
       const I16 is_larger = value[n + 1] > value[n];
       value[n] = is_larger ? value[n + 1] : value[n], rank[n] = is_larger ? rank[n + 1] : rank[n];
     }
     const I16 is_second = value[2] > value[0];
-    const V highest = is_second ? value[2] : value[0], before = load_scores(best + x);
-    const I16 best_rank = is_second ? rank[2] : rank[0], winner = load_scores(winners + x);
+    const V highest = is_second ? value[2] : value[0], before = load<V>(best + x);
+    const I16 best_rank = is_second ? rank[2] : rank[0], winner = load<I16>(winners + x);
     const I16 is_larger = highest > before, is_better = is_larger | ((highest == before) & (best_rank < winner));
-    store_scores(best + x, is_larger ? highest : before);
-    store_scores(winners + x, is_better ? best_rank : winner);
+    store(best + x, is_larger ? highest : before);
+    store(winners + x, is_better ? best_rank : winner);
   }
 }
 
@@ -254,7 +230,7 @@ template <typename Scores> Int search_all(const Search &args) {
   const Int height = args.height, width = args.width, radius = ranks.shape[0] / 2, size = args.weights.shape[0];
   const Layout layout(size, AT_ONCE, width);
   Workspace scratch(args.scratch);
-  const float *weights = (const float *)args.weights.data;
+  const float *weights = args.weights.data;
   Scores sums[OFFSETS_PER_PASS] = {{layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
                                    {layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
                                    {layout, weights, scratch}, {layout, weights, scratch}};

@@ -17,26 +17,26 @@ KERNEL(Int, search_tiles, const SearchTiles &args) {
   const TileSettings settings = {args.step, args.refine_radius, args.max_offset, args.patch_radius, args.row_step};
   const TileWork work(settings, args.proposals.spacing, args.lists.similarity.shape[2], workspace);
   if (workspace.is_counting()) return workspace.size();
-  const Array &motion = args.proposals.motion, &listed = args.lists.listed;
+  const ArrayOf<const int32_t, 3> &motion = args.proposals.motion;
+  const ArrayOf<int32_t, 2> &listed = args.lists.listed;
   search_tiles(Frames<uint8_t>(args.pair),
-               {(const Offset *)motion.data, (const Offset *)args.proposals.expected.data, motion.shape[0],
+               {as<const Offset *>(motion.data), as<const Offset *>(args.proposals.expected.data), motion.shape[0],
                 motion.shape[1], args.proposals.spacing},
                settings,
-               {(int32_t *)listed.data, (float *)args.lists.similarity.data, (float (*)[2])args.lists.flow.data,
-                listed.shape[0], listed.shape[1], args.lists.similarity.shape[2]},
+               {listed.data, args.lists.similarity.data, as<float (*)[2]>(args.lists.flow.data), listed.shape[0],
+                listed.shape[1], args.lists.similarity.shape[2]},
                work);
   return 0;
 }
 
 KERNEL(Int, choose_labels, const ChooseLabels &args) {
   Workspace workspace(args.scratch);
-  const Lattice lattice(args.count.shape[0] * args.count.shape[1], args.similarity.shape[2], (float *)args.costs.data,
+  const Lattice lattice(args.count.shape[0] * args.count.shape[1], args.similarity.shape[2], args.costs.data,
                         workspace);
   if (workspace.is_counting()) return workspace.size();
-  choose_labels(
-      {(const int32_t *)args.count.data, (const float (*)[2])args.motions.data, (const float *)args.similarity.data,
-       (const float *)args.smoothness_weight.data, args.count.shape[0], args.count.shape[1], args.similarity.shape[2]},
-      float(args.smoothness), float(args.slope), lattice, (float (*)[2])args.flow.data, (float *)args.chosen.data);
+  choose_labels({args.count.data, as<const float (*)[2]>(args.motions.data), args.similarity.data,
+                 args.smoothness_weight.data, args.count.shape[0], args.count.shape[1], args.similarity.shape[2]},
+                float(args.smoothness), float(args.slope), lattice, as<float (*)[2]>(args.flow.data), args.chosen.data);
   return 0;
 }
 
@@ -55,7 +55,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
   float *smoothness_weight = scratch.take<float>(nodes), *costs = scratch.take<float>(nodes * ((labels + 7) / 8 * 8));
   CandidateLists lists = {scratch.take<int32_t>(nodes),
                           scratch.take<float>(nodes * labels),
-                          (float (*)[2])scratch.take<float>(2 * nodes * labels),
+                          as<float (*)[2]>(scratch.take<float>(2 * nodes * labels)),
                           rows,
                           columns,
                           labels};
@@ -76,7 +76,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
       }
     choose_labels({lists.listed, lists.flow, lists.similarity, smoothness_weight, rows, columns, labels},
                   float(args.settings.smoothness), float(args.settings.slope), lattice,
-                  (float (*)[2])flow.ptr(direction), similarity.ptr(direction));
+                  as<float (*)[2]>(flow.ptr(direction)), similarity.ptr(direction));
     frames = frames.opposite();
   }
   return 0;

@@ -59,7 +59,8 @@ void add_node(const LayerSamples &layer, Int top, Int left, Int height, Int widt
 // Writes rows of the means of a band to an image; the band begins at row `top` of it. Pixels are computed in pieces, as
 // those of an image may be interleaved, which vectors are not.
 template <typename T>
-void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const ValueRange &range, const Array &image) {
+void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const ValueRange &range,
+                const ArrayOf<Any, 3> &image) {
   constexpr Int PIECE = 128;
   const Int channels = layer.channels, width = image.shape[2], step = image.steps[2];
   const float white = float(range.white), offset = float(range.rounding_offset);
@@ -67,7 +68,7 @@ void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const V
   for (Int j = first; j < last; j++)
     for (Int c = 0; c < channels; c++) {
       const bool is_straight = range.straight_alpha && c < channels - 1;
-      T *to = (T *)image.data + c * image.steps[0] + (top + j) * image.steps[1];
+      T *to = as<T *>(image.data) + c * image.steps[0] + (top + j) * image.steps[1];
       for (Int left = 0; left < width; left += PIECE) {
         const float *sums = layer.band.ptr(c, j, left), *weights = layer.band.ptr(channels, j, left);
         const float *alphas = layer.band.ptr(channels - 1, j, left);
@@ -88,12 +89,11 @@ void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const V
 
 // Writes rows of pixels of a layer that no further window contributes to, and shifts its band up by `rows`.
 void finish_layer(const LayerSamples &layer, Int first, Int last, Int top, Int rows, const ValueRange &range,
-                  const Array &image) {
+                  const ArrayOf<Any, 3> &image) {
   const Int down = layer.down, size = layer.band.shape[1] * layer.band.shape[2];
-  const auto write = image.kind == UINT8    ? write_rows<uint8_t>
-                     : image.kind == UINT16 ? write_rows<uint16_t>
-                                            : write_rows<float>;
-  write(layer, first / down, (last + down - 1) / down, divide_down(top, down), range, image);
+  with_pixel_type(image.kind, [&](auto pixel) {
+    write_rows<decltype(pixel)>(layer, first / down, (last + down - 1) / down, divide_down(top, down), range, image);
+  });
   const Int shift = rows / down * layer.band.shape[2];
   for (Int c = 0; c < layer.band.shape[0]; c++) {
     float *plane = layer.band.ptr(c);
@@ -149,7 +149,7 @@ void keep_heavier(const float *weight, const Motion &motion, float t, Int top, I
 
 KERNEL(Int, blend_hypotheses, const BlendHypotheses &args) {
   Workspace workspace(args.scratch);
-  const Array &image = args.blended.image, &more = args.blended.further;
+  const ArrayOf<Any, 3> &image = args.blended.image, &more = args.blended.further;
   const bool has_confidence = args.blended.confidence.shape[0] * args.blended.confidence.shape[1] > 0;
   LayerSamples full(args.full, image.shape[0] + 1 + has_confidence, image.shape[2], workspace);
   LayerSamples further(args.further, more.shape[0] + 1, more.shape[2], workspace);
@@ -158,7 +158,7 @@ KERNEL(Int, blend_hypotheses, const BlendHypotheses &args) {
   NodeSums sums;
   const View<const int32_t, 2> listed(args.candidates.listed);
   const View<float, 2> confidence(args.blended.confidence);
-  const float *shape = (const float *)args.weighting.window_shape.data, t = float(args.t);
+  const float *shape = args.weighting.window_shape.data, t = float(args.t);
   const Int spacing = args.candidates.spacing, before = (WINDOW - spacing) / 2;
   const Int height = image.shape[1], width = image.shape[2];
   const bool has_further = further.channels > 0;
@@ -200,7 +200,7 @@ KERNEL(Int, find_dominant_motion, const FindDominantMotion &args) {
   const View<const int32_t, 2> listed(args.candidates.listed);
   const View<float, 2> weights(args.weights);
   const View<float, 3> places(args.places);
-  const float *shape = (const float *)args.weighting.window_shape.data, t = float(args.t);
+  const float *shape = args.weighting.window_shape.data, t = float(args.t);
   const Int spacing = args.candidates.spacing, before = (WINDOW - spacing) / 2;
   for (Int row = 0; row < listed.shape[0]; row++)
     for (Int column = 0; column < listed.shape[1]; column++)
@@ -224,7 +224,7 @@ KERNEL(Int, extract_features, const ExtractFeatures &args) {
   NodeSums sums;
   const View<float, 3> features(args.features), mixed(args.mixed), change(args.change);
   const View<float, 2> gains(args.gains);
-  Int &count = *(Int *)args.count.data;
+  Int &count = *args.count.data;
   count = 0;
   weigh_candidates(args.row, args.column, args.candidates, float(args.t), args.weighting, &args.context, layer, nullptr,
                    candidate, sums, [&](Int, const Motion &) {

@@ -154,7 +154,7 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
   for (int j = 0; j < BLOCKS_2X2_PER_ROW; j++) {
     const RowPair between = row_pair(j);
     const Wide below = broadcast<Wide>(between.below), above = broadcast<Wide>(between.above);
-    for (int i = 0; i < BLOCKS_2X2_PER_ROW; i += Lanes<Wide>::count) {
+    for (int i = 0; i < BLOCKS_2X2_PER_ROW; i += lane_count<Wide>) {
       const int first = j * BLOCKS_2X2_PER_ROW + i;
       Wide blocks[FEATURES_2X2], both{}, frame0{}, frame1{};
       for (int k = 0; k < FEATURES_2X2; k++) blocks[k] = load<Wide>(features.blocks_2x2[k] + first);

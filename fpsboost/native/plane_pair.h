@@ -10,7 +10,7 @@ template <typename T> struct Frames {
   Int plane, stride, rows, padding, height, width, max_similarity;
 
   explicit Frames(const PlanePair &pair)
-      : first((const T *)pair.planes0.data), second((const T *)pair.planes1.data),
+      : first(as<const T *>(pair.planes0.data)), second(as<const T *>(pair.planes1.data)),
         plane(pair.planes0.shape[1] * pair.planes0.shape[2]), stride(pair.planes0.shape[2]),
         rows(pair.planes0.shape[1]), padding(pair.padding), height(pair.height), width(pair.width),
         max_similarity(pair.max_similarity) {}

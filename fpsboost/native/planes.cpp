@@ -210,11 +210,7 @@ KERNEL(Int, split_colours, const SplitColours &args) {
   Workspace workspace(args.scratch);
   const WorkArrays work(args.image.shape[1], workspace);
   if (workspace.is_counting()) return workspace.size();
-  switch (args.image.kind) {
-    case UINT8: split_image<uint8_t>(args, work); break;
-    case UINT16: split_image<uint16_t>(args, work); break;
-    default: split_image<float>(args, work);
-  }
+  with_pixel_type(args.image.kind, [&](auto pixel) { split_image<decltype(pixel)>(args, work); });
   return 0;
 }
 
@@ -230,10 +226,6 @@ KERNEL(Int, shrink, const Shrink &args) {
   Workspace workspace(args.scratch);
   float *line = workspace.take<float>(args.rows.shape[1]);
   if (workspace.is_counting()) return workspace.size();
-  switch (args.rows.kind) {
-    case UINT8: shrink_rows<uint8_t>(args, line); break;
-    case UINT16: shrink_rows<uint16_t>(args, line); break;
-    default: shrink_rows<float>(args, line);
-  }
+  with_pixel_type(args.rows.kind, [&](auto pixel) { shrink_rows<decltype(pixel)>(args, line); });
   return 0;
 }

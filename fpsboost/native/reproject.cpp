@@ -76,7 +76,7 @@ template <typename T> void fetch(const FetchBoth &args) {
     const float weight = in0 == in1 ? t : float(in1);
     const T *colour0 = image0.data + source0.data[pixel] * channels;
     const T *colour1 = image1.data + source1.data[pixel] * channels;
-    T *out = (T *)args.out.data + pixel * channels;
+    T *out = as<T *>(args.out.data) + pixel * channels;
     for (Int c = 0; c < channels; c++) out[c] = T((1 - weight) * float(colour0[c]) + weight * float(colour1[c]) + half);
   }
 }
@@ -108,7 +108,7 @@ KERNEL(void, search_iteratively, const SearchIteratively &args) {
 // A counting sort, in raster order within a cell.
 KERNEL(void, bin_landings, const BinLandings &args) {
   const Flow flow(args.flow);
-  int32_t *starts = (int32_t *)args.starts.data, *members = (int32_t *)args.members.data;
+  int32_t *starts = args.starts.data, *members = args.members.data;
   const Int height = flow.shape[0], width = flow.shape[1], pixels = height * width;
   const float t = float(args.t);
   for (Int cell = 0; cell <= pixels; cell++) starts[cell] = 0;
@@ -124,7 +124,7 @@ KERNEL(void, search_nearest_landing, const SearchNearestLanding &args) {
   const Flow flow(args.flow);
   const View<int32_t, 2> source(args.source);
   const View<bool, 2> lands(args.lands);
-  const int32_t *starts = (const int32_t *)args.starts.data, *members = (const int32_t *)args.members.data;
+  const int32_t *starts = args.starts.data, *members = args.members.data;
   const Int height = flow.shape[0], width = flow.shape[1];
   const float t = float(args.t);
   for (Int y = 0; y < height; y++)
@@ -150,11 +150,7 @@ KERNEL(void, search_nearest_landing, const SearchNearestLanding &args) {
 }
 
 KERNEL(void, fetch_both, const FetchBoth &args) {
-  switch (args.image0.kind) {
-    case UINT8: return fetch<uint8_t>(args);
-    case UINT16: return fetch<uint16_t>(args);
-    default: return fetch<float>(args);
-  }
+  with_pixel_type(args.image0.kind, [&](auto pixel) { fetch<decltype(pixel)>(args); });
 }
 
 KERNEL(void, splat, const Splat &args) {

@@ -78,7 +78,7 @@ FORCE_INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &
       total += linear_similarity(pixels, second + j * frames.stride + k, frames.plane, patch.max_similarity);
     }
     const Int at_least = lowest - (radius - j) * patch.size * frames.max_similarity;
-    if (at_least > 0 && !any((U16)(total >= uint16_t(at_least)) & counted)) return false;
+    if (at_least > 0 && !any(as<U16>(total >= uint16_t(at_least)) & counted)) return false;
   }
   return true;
 }
@@ -110,7 +110,7 @@ FORCE_INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchRe
                  other_similarity[other] < min_similarity)
             other++;
           const Int first = max(begin * step, left), count = min(other * step - 1, right) - first + 1;
-          const U16 counted = (U16)(uint16_t(count) > PLACES);
+          const U16 counted = as<U16>(uint16_t(count) > PLACES);
           const Int last_y = min(other_row * step + step - 1, bottom);
           for (Int other_y = max(other_row * step, top); other_y <= last_y; other_y++) {
             U16 total;

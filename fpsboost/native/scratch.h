@@ -17,7 +17,7 @@ public:
   bool is_counting() const { return !begin; }
   Int size() const { return Int(next); }  // with what may be lost at the beginning
   template <typename T> T *take(Int count) {
-    T *piece = (T *)next;
+    T *piece = reinterpret_cast<T *>(next);
     next += (uintptr_t(count) * sizeof(T) + LINE - 1) / LINE * LINE;
     if (!is_counting() && next > end) __builtin_trap();  // the two calls differ
     return piece;

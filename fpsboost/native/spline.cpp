@@ -9,8 +9,8 @@ struct Prefilter {
   const float *weights;
   Int stages, reach;  // reach: places on both sides that count in all
 
-  explicit Prefilter(const Array &array)
-      : weights((const float *)array.data), stages(array.shape[0]), reach((Int(1) << array.shape[0]) - 1) {}
+  explicit Prefilter(const ArrayOf<const float, 1> &array)
+      : weights(array.data), stages(array.shape[0]), reach((Int(1) << array.shape[0]) - 1) {}
 };
 
 // Writes a row plus `weight` times the sum of two others.
@@ -128,11 +128,7 @@ FORCE_INLINE float sample_spline(const View<const float, 3> &coefficients, Int p
 }  // namespace
 
 KERNEL(Int, find_coefficients, const FindCoefficients &args) {
-  switch (args.planes.kind) {
-    case UINT8: return filter_planes<uint8_t>(args);
-    case UINT16: return filter_planes<uint16_t>(args);
-    default: return filter_planes<float>(args);
-  }
+  return with_pixel_type(args.planes.kind, [&](auto pixel) { return filter_planes<decltype(pixel)>(args); });
 }
 
 KERNEL(void, mix_along, const MixAlong &args) {

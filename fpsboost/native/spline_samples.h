@@ -38,10 +38,10 @@ template <typename V>
 FORCE_INLINE void filter_rows(const float *from, Int stride, const Taps &taps, Int wide, Int tall, float *rows,
                               float *out, Int out_stride) {
   for (Int j = 0; j < tall + TAPS - 1; j++)
-    for (Int i = 0; i < wide; i += Lanes<V>::count)
+    for (Int i = 0; i < wide; i += lane_count<V>)
       store(rows + j * wide + i, filter<V>(from + j * stride + i, 1, taps.across));
   for (Int j = 0; j < tall; j++)
-    for (Int i = 0; i < wide; i += Lanes<V>::count)
+    for (Int i = 0; i < wide; i += lane_count<V>)
       store(out + j * out_stride + i, filter<V>(rows + j * wide + i, wide, taps.down));
 }
 

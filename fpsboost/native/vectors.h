@@ -10,30 +10,20 @@ typedef float F16 __attribute__((vector_size(64)));
 typedef float F8 __attribute__((vector_size(32)));
 typedef int32_t I16 __attribute__((vector_size(64)));
 typedef int32_t I8 __attribute__((vector_size(32)));
+typedef uint32_t U32 __attribute__((vector_size(64)));
 typedef uint16_t U16 __attribute__((vector_size(32)));
 typedef uint8_t B16 __attribute__((vector_size(16)));
 
-template <typename V> struct Lanes;
-template <> struct Lanes<F16> {
-  static constexpr int count = 16;
-  typedef F16 Unaligned __attribute__((aligned(4), may_alias));
-};
-template <> struct Lanes<F8> {
-  static constexpr int count = 8;
-  typedef F8 Unaligned __attribute__((aligned(4), may_alias));
-};
-template <> struct Lanes<U16> {
-  typedef U16 Unaligned __attribute__((aligned(2), may_alias));
-};
-template <> struct Lanes<B16> {
-  typedef B16 Unaligned __attribute__((aligned(1), may_alias));
-};
+template <typename V> constexpr int lane_count = sizeof(V) / sizeof(float);
 
+// Vectors in arrays need not be aligned.
 template <typename V, typename T> FORCE_INLINE V load(const T *from) {
-  return *(const typename Lanes<V>::Unaligned *)from;
+  V values;
+  __builtin_memcpy(&values, from, sizeof values);
+  return values;
 }
 template <typename V, typename T> FORCE_INLINE void store(T *to, V values) {
-  *(typename Lanes<V>::Unaligned *)to = values;
+  __builtin_memcpy(to, &values, sizeof values);
 }
 template <typename V> FORCE_INLINE V broadcast(float value) { return value - V{}; }
 
@@ -66,36 +56,36 @@ typedef double D4 __attribute__((vector_size(32)));
 typedef int64_t I4 __attribute__((vector_size(32)));
 template <typename V> FORCE_INLINE V fma(V a, V b, V c) {
   V result;
-  for (int i = 0; i < Lanes<V>::count; i += 4) {
+  for (int i = 0; i < lane_count<V>; i += 4) {
     F4 values[3];
-    __builtin_memcpy(&values[0], (const float *)&a + i, sizeof(F4));
-    __builtin_memcpy(&values[1], (const float *)&b + i, sizeof(F4));
-    __builtin_memcpy(&values[2], (const float *)&c + i, sizeof(F4));
+    __builtin_memcpy(&values[0], as<const float *>(&a) + i, sizeof(F4));
+    __builtin_memcpy(&values[1], as<const float *>(&b) + i, sizeof(F4));
+    __builtin_memcpy(&values[2], as<const float *>(&c) + i, sizeof(F4));
     const D4 product = __builtin_convertvector(values[0], D4) * __builtin_convertvector(values[1], D4), none = {};
     const D4 added = __builtin_convertvector(values[2], D4), sum = product + added, part = sum - product;
     const D4 error = (product - (sum - part)) + (added - part);
-    const I4 bits = (I4)sum, above = (I4)(error > none), below = (I4)(error < none);
-    const I4 is_even = (bits & 1) - 1, grows = ~(above ^ (I4)(sum > none));  // all ones where it holds, else zero
-    const D4 odd = (D4)(bits + (((grows & 1) | ~grows) & (above | below) & is_even));
+    const I4 bits = as<I4>(sum), above = as<I4>(error > none), below = as<I4>(error < none);
+    const I4 is_even = (bits & 1) - 1, grows = ~(above ^ as<I4>(sum > none));  // all ones where it holds, else zero
+    const D4 odd = as<D4>(bits + (((grows & 1) | ~grows) & (above | below) & is_even));
     const F4 rounded = __builtin_convertvector(odd, F4);
-    __builtin_memcpy((float *)&result + i, &rounded, sizeof(F4));
+    __builtin_memcpy(as<float *>(&result) + i, &rounded, sizeof(F4));
   }
   return result;
 }
 #elif !defined(__clang__)
 template <typename V> FORCE_INLINE V fma(V a, V b, V c) {
-  for (int i = 0; i < Lanes<V>::count; i++) c[i] = fma(a[i], b[i], c[i]);
+  for (int i = 0; i < lane_count<V>; i++) c[i] = fma(a[i], b[i], c[i]);
   return c;
 }
 #endif
 
-FORCE_INLINE F8 absolute(F8 a) { return (F8)((I8)a & 0x7fffffff); }
-FORCE_INLINE F16 absolute(F16 a) { return (F16)((I16)a & 0x7fffffff); }
+FORCE_INLINE F8 absolute(F8 a) { return as<F8>(as<I8>(a) & 0x7fffffff); }
+FORCE_INLINE F16 absolute(F16 a) { return as<F16>(as<I16>(a) & 0x7fffffff); }
 
 // Whether any bit of a mask of 32 bytes is set.
 template <typename V> FORCE_INLINE bool any(V mask) {
   typedef int64_t L4 __attribute__((vector_size(32)));
-  const L4 parts = (L4)mask;
+  const L4 parts = as<L4>(mask);
   return (parts[0] | parts[1] | parts[2] | parts[3]) != 0;
 }
 

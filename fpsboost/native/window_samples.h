@@ -40,7 +40,7 @@ FORCE_INLINE Int divide_down(Int value, Int by) {
 // pixels, along a candidate; and their sums over the candidates of a node and over the windows of a row of nodes.
 struct LayerSamples {
   View<const float, 3> coefficients[2];
-  ArrayOf<Any, 3> planes[2];
+  ArrayOf<const Any, 3> planes[2];
   float unit[2];
   Int channels, down, across, wide, tall, size;
   float *mixed;   // blended by time
@@ -171,7 +171,7 @@ inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
       from[n] =
           find_taps(layer.coefficients[n].ptr(c), layer.coefficients[n].shape[2], position.y, position.x, taps[n]);
     }
-    for (Int i = 0; i < layer.wide; i += Lanes<Wide>::count) {
+    for (Int i = 0; i < layer.wide; i += lane_count<Wide>) {
       const float *const columns[2] = {from[0] + i, from[1] + i};
       const Int to = c * layer.size + i;
       mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i,
@@ -221,7 +221,7 @@ inline void filter_rigid(const float *coefficients, Int stride, Position window,
 
 // Copies a window that begins at a pixel, which may lie outside of the frame: its edges are repeated.
 template <typename T>
-inline void copy_window(const ArrayOf<Any, 3> &planes, float unit, Int c, Int top, Int left, Int wide, Int tall,
+inline void copy_window(const ArrayOf<const Any, 3> &planes, float unit, Int c, Int top, Int left, Int wide, Int tall,
                         float *out) {
   const View<const T, 3> values(planes);
   const Int height = values.shape[1], width = values.shape[2];
@@ -245,11 +245,11 @@ inline void fetch_window(const LayerSamples &layer, int n, Int c, Position posit
   if (!motion.is_rigid()) {
     filter_blocks(plane.ptr(c), plane.shape[1], plane.shape[2], position, share, motion, wide, tall, out);
   } else if (is_whole(position)) {
-    const ArrayOf<Any, 3> &planes = layer.planes[n];
-    const auto copy = planes.kind == UINT8    ? copy_window<uint8_t>
-                      : planes.kind == UINT16 ? copy_window<uint16_t>
-                                              : copy_window<float>;
-    copy(planes, layer.unit[n], c, Int(position.y) - MARGIN, Int(position.x) - MARGIN, wide, tall, out);
+    const ArrayOf<const Any, 3> &planes = layer.planes[n];
+    with_pixel_type(planes.kind, [&](auto pixel) {
+      copy_window<decltype(pixel)>(planes, layer.unit[n], c, Int(position.y) - MARGIN, Int(position.x) - MARGIN, wide,
+                                   tall, out);
+    });
   } else {
     filter_rigid(plane.ptr(c), plane.shape[2], position, wide, tall, out);
   }

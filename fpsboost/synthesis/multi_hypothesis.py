@@ -351,9 +351,10 @@ class MultiHypothesis(Checked):
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
-        radius = self.support_radius
         for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
-            collect_candidates(votes, sign, time, self.step, radius, self.merge_distance, height, width, collected)
+            collect_candidates(
+                votes, sign, time, self.step, self.support_radius, self.merge_distance, height, width, collected
+            )
         room = self.max_candidates + 1  # including zero motion
         candidates = Candidates(
             np.empty(nodes, np.int32),
@@ -361,8 +362,9 @@ class MultiHypothesis(Checked):
             np.empty((*nodes, room), np.float32),
             self.node_spacing,
         )
-        least = self.min_weight
-        list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
+        list_candidates(
+            collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, self.min_weight, *candidates[:3]
+        )
         return candidates
 
     def _collect_votes(self, frame_pair: FramePair) -> list[Votes]:

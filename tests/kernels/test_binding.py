@@ -10,7 +10,7 @@ from recorded_calls import KERNELS
 
 from fpsboost.kernels import binding
 from fpsboost.kernels.block import SearchPlan, match_blocks
-from fpsboost.kernels.candidates import Candidates, list_candidates, no_votes
+from fpsboost.kernels.candidates import list_candidates, no_votes
 from fpsboost.kernels.level_search import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.kernels.pair_context import count_landings
 from fpsboost.kernels.planes import CodeLevels, split_planes
@@ -51,6 +51,16 @@ def test_wrong_arrays_are_refused(points, landings, error, said):
     """Before C++ reads or writes them."""
     with pytest.raises(error, match=said):
         count_landings(points, np.float32(0.5), 8, landings)
+
+
+def test_an_array_that_is_written_must_not_be_read_only():
+    """One that is only read may be."""
+    points, landings = np.zeros((4, 4, 5), np.float32), np.zeros((4, 4), np.float32)
+    points.flags.writeable = False
+    count_landings(points, 0.5, 8, landings)
+    landings.flags.writeable = False
+    with pytest.raises(ValueError, match="count_landings: landings is written, so it must not be read-only"):
+        count_landings(points, 0.5, 8, landings)
 
 
 def test_a_level_that_the_processor_does_not_have_is_refused(monkeypatch):
@@ -98,9 +108,9 @@ def test_planes_with_too_narrow_edges_are_refused():
 def test_axes_that_are_constants_have_their_size():
     """As that of the values of a motion, which is a number that C++ knows."""
     motions, floats = np.zeros((1, 1, 2, 7), np.float32), map(np.float32, (0.25, 20, 0.01, 0.04))
-    candidates = Candidates(np.zeros((1, 1), np.int32), motions, np.zeros((1, 1, 2), np.float32), 16)
+    listed, weights = np.zeros((1, 1), np.int32), np.zeros((1, 1, 2), np.float32)
     with pytest.raises(ValueError, match=r"motions must have the shape \(rows, columns, room, VALUES_PER_MOTION\)"):
-        list_candidates(no_votes((1, 1), 4, 16), *floats, candidates)
+        list_candidates(no_votes((1, 1), 4, 16), *floats, listed, motions, weights)
 
 
 def test_images_of_two_types_are_refused():
@@ -168,10 +178,11 @@ count_landings(np.zeros((4, 4, 5), np.float32), np.float32(0.5), 8, np.zeros((4,
     [
         ("candidates.py", '    listed: Annotated[Array, "int32 (rows, columns)"]\n    """Number', '    """Number'),
         ("candidates.py", 'weights: Annotated[Array, "float32 (', 'weights: Annotated[Array, "uint8 ('),
+        ("candidates.py", '"out float32 (rows, columns, room)"', '"float32 (rows, columns, room)"'),
     ],
 )
 def test_kernels_that_read_a_record_otherwise_do_not_compile(tmp_path, file, before, after):
-    """A field that is missing or of another type than C++ takes it for is an error of the compiler."""
+    """A field that is missing, of another type than C++ takes it for, or read-only is an error of the compiler."""
     pytest.importorskip("ziglang")
     changed_copy(tmp_path, file, before, after)
     shutil.copy(ROOT / "hatch_build.py", tmp_path)

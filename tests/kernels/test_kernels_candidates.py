@@ -5,7 +5,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fpsboost.kernels.candidates import (
-    Candidates,
     Votes,
     collect_candidates,
     list_candidates,
@@ -104,7 +103,7 @@ def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, le
     )
     numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share), np.float32(least)
     listed = np.full((1, 1), -1, np.int32)
-    list_candidates(held, *numbers, Candidates(listed, motions, weights, 16))
+    list_candidates(held, *numbers, listed, motions, weights)
     return listed[0, 0], motions[0, 0], weights[0, 0]
 
 
