@@ -78,6 +78,10 @@ template <typename T, int N> struct View {
 template <typename T> FORCE_INLINE T min(T a, T b) { return a < b ? a : b; }
 template <typename T> FORCE_INLINE T max(T a, T b) { return a > b ? a : b; }
 template <typename T> FORCE_INLINE T clamp(T value, T low, T high) { return min(max(value, low), high); }
+struct Vector {  // of motion, pixels
+  float dx, dy;
+};
+
 FORCE_INLINE float absolute(float value) { return __builtin_fabsf(value); }
 
 }  // namespace

@@ -8,7 +8,7 @@ struct Block {
   Int top, left, bottom, right;
 };
 
-struct Vector {
+struct Offset {
   Int dy, dx;
 
   Int squared_length() const { return dy * dy + dx * dx; }
@@ -39,14 +39,14 @@ template <typename T> struct BlockSearch {
   View<const T, 2> rows0, rows1;
   Int channels, search_range;
   Block block;
-  Vector best{0, 0};
+  Offset best{0, 0};
   Sum lowest = Sum(Int(1) << 62);  // larger than any sum of absolute differences
 
   BlockSearch(const MatchBlocks &args, const Block &block)
       : rows0(args.rows0), rows1(args.rows1), channels(args.channels), search_range(args.search_range), block(block) {}
 
   // The sum of absolute differences of the block and its match, or of their first rows once it is too high.
-  Sum sum_of_differences(const Vector &vector) const {
+  Sum sum_of_differences(const Offset &vector) const {
     Sum total = 0;
     for (Int y = block.top; y < block.bottom && !(total > lowest); y++) {
       const T *row0 = rows0.ptr(y) + block.left * channels;
@@ -55,13 +55,13 @@ template <typename T> struct BlockSearch {
     }
     return total;
   }
-  bool is_allowed(const Vector &vector) const {
+  bool is_allowed(const Offset &vector) const {
     const Int longest = max(max(vector.dy, -vector.dy), max(vector.dx, -vector.dx));
     return longest <= search_range && block.top + vector.dy >= 0 && block.left + vector.dx >= 0 &&
            block.bottom + vector.dy <= rows0.shape[0] && (block.right + vector.dx) * channels <= rows0.shape[1];
   }
   // Compares a place, and returns whether it is better: of equally good ones, the nearest.
-  bool compare(const Vector &vector) {
+  bool compare(const Offset &vector) {
     if (!is_allowed(vector)) return false;
     const Sum total = sum_of_differences(vector);
     const bool nearer = vector.squared_length() < best.squared_length();
@@ -89,7 +89,7 @@ template <typename T> void match(const MatchBlocks &args) {
         bool again = true;
         while (again) {
           again = false;
-          const Vector centre = search.best;
+          const Offset centre = search.best;
           for (Int k = turns(turn); k < turns(turn + 1); k++)
             if (search.compare({centre.dy + offsets(k, 0), centre.dx + offsets(k, 1)})) again = repeated(turn);
         }

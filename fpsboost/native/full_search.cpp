@@ -32,6 +32,7 @@ struct Layout {
   Layout(Int size, Int rows_at_once, Int width)
       : size(size), slots(size + rows_at_once - 1),
         columns((min(width, STRIP_WIDTH) + size + 2 * BLOCK) / BLOCK * BLOCK), line(columns + 2 * OUTSIDE) {}
+  Int row() const { return OFFSETS_PER_PASS * line; }  // scores of all offsets in a row
 };
 
 // Pixels of frame 0 in a row, and those of frame 1 to which an offset leads from them.
@@ -92,9 +93,12 @@ template <Int SIZE> struct BoxScores {
   Int size, row_size;
   uint32_t *ring, *latest;  // the last rows of sums across, and a row of similarities
 
-  BoxScores(const Layout &layout, const float *, Workspace &scratch)
-      : size(SIZE ? SIZE : layout.size), row_size(layout.columns),
-        ring(scratch.take<uint32_t>(layout.slots * row_size)), latest(scratch.take<uint32_t>(row_size) + LANES) {}
+  void allocate(const Layout &layout, const float *, Workspace &workspace) {
+    size = SIZE ? SIZE : layout.size;
+    row_size = layout.columns;
+    ring = workspace.take<uint32_t>(layout.slots * row_size);
+    latest = workspace.take<uint32_t>(row_size) + LANES;
+  }
 
   // Begins with `count` scores, from which a price is subtracted.
   void begin(Int count, int32_t price, int32_t *scores) {
@@ -139,9 +143,14 @@ template <Int SIZE> struct WindowScores {
   const float *weights;
   float *ring, *latest;  // the last rows of sums across, and a row of similarities
 
-  WindowScores(const Layout &layout, const float *weights, Workspace &scratch)
-      : size(SIZE ? SIZE : layout.size), slots(layout.slots), row_size(layout.columns), weights(weights),
-        ring(scratch.take<float>(slots * row_size)), latest(scratch.take<float>(row_size)) {}
+  void allocate(const Layout &layout, const float *window, Workspace &workspace) {
+    size = SIZE ? SIZE : layout.size;
+    slots = layout.slots;
+    row_size = layout.columns;
+    weights = window;
+    ring = workspace.take<float>(slots * row_size);
+    latest = workspace.take<float>(row_size);
+  }
 
   void begin(Int, float, float *) {}
 
@@ -188,10 +197,14 @@ FORCE_INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const
   for (Int x = 0; x < count; x += LANES) {
     V value[OFFSETS_AT_ONCE];
     I16 rank[OFFSETS_AT_ONCE];
-    for (Int n = 0; n < OFFSETS_AT_ONCE; n++) value[n] = load<V>(scores[n] + x), rank[n] = ranks[n] - I16{};
+    for (Int n = 0; n < OFFSETS_AT_ONCE; n++) {
+      value[n] = load<V>(scores[n] + x);
+      rank[n] = ranks[n] - I16{};
+    }
     for (Int n = 0; n < OFFSETS_AT_ONCE; n += 2) {
       const I16 is_larger = value[n + 1] > value[n];
-      value[n] = is_larger ? value[n + 1] : value[n], rank[n] = is_larger ? rank[n + 1] : rank[n];
+      value[n] = is_larger ? value[n + 1] : value[n];
+      rank[n] = is_larger ? rank[n + 1] : rank[n];
     }
     const I16 is_second = value[2] > value[0];
     const V highest = is_second ? value[2] : value[0], before = load<V>(best + x);
@@ -219,87 +232,107 @@ template <typename Score> struct Candidate {
   int32_t rank01, rank10;
 };
 
-template <typename Scores> Int search_all(const Search &args) {
+// Searches some offsets of a row in a strip of columns: from the nearest to zero on, whose rank is lowest, to the left
+// or to the right.
+template <typename Scores> struct SearchPass {
   typedef typename Scores::Score Score;
-  constexpr Int AT_ONCE = Scores::ROWS_AT_ONCE;
-  const View<const float, 3> planes0(args.planes0), planes1(args.planes1);
-  const View<const int32_t, 2> ranks(args.ranks);
-  const View<const Score, 2> prices(args.prices);
-  const View<Score, 2> best01(args.found01.similarity), best10(args.found10.similarity);
-  const View<int32_t, 2> winners01(args.found01.ranks), winners10(args.found10.ranks);
-  const Int height = args.height, width = args.width, radius = ranks.shape[0] / 2, size = args.weights.shape[0];
-  const Layout layout(size, AT_ONCE, width);
-  Workspace scratch(args.scratch);
-  const float *weights = args.weights.data;
-  Scores sums[OFFSETS_PER_PASS] = {{layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
-                                   {layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
-                                   {layout, weights, scratch}, {layout, weights, scratch}};
-  const Int row_stride = OFFSETS_PER_PASS * layout.line;
-  Score *const scores = scratch.take<Score>(AT_ONCE * row_stride) + OUTSIDE;
-  if (scratch.is_counting()) return scratch.size();
+  const Search &args;
+  const Layout &layout;
+  Scores *sums;   // of each offset
+  Score *scores;  // of each offset, in `layout.line` places each, for the rows that are scored at once
+  Int dy, left, pixels, count;
+  Candidate<Score> offsets[OFFSETS_PER_PASS];
 
-  // Searches some offsets in a strip: from the nearest to zero on, whose rank is lowest, to the left or to the right.
-  const auto search_pass = [&](Int dy, Int left, Int nearest, Int sign) {
-    const Int pixels = min(STRIP_WIDTH, width - left), top = max(Int(0), -dy), bottom = min(height, height - dy);
-    const Int count = min(radius + 1 - nearest * sign, OFFSETS_PER_PASS);
-    Candidate<Score> offsets[OFFSETS_PER_PASS];
+  // Begins with `count` offsets from the nearest one on.
+  void begin(Int nearest, Int sign) {
+    const View<const int32_t, 2> ranks(args.ranks);
+    const View<const Score, 2> prices(args.prices);
+    const Int radius = ranks.shape[0] / 2;
+    count = min(radius + 1 - nearest * sign, OFFSETS_PER_PASS);
     for (Int n = 0; n < count; n++) {
       const Int dx = nearest + sign * n;
-      offsets[n] = {dx, find_candidates(dx, left, pixels, width), prices(radius + dy, radius + dx),
-                    ranks(radius + dy, radius + dx), ranks(radius - dy, radius - dx)};
-      const Columns &within = offsets[n].pixels;
-      if (within.begin < within.end)
-        sums[n].begin(within.end - within.begin, offsets[n].price, scores + n * layout.line + within.begin);
+      const Columns columns = find_candidates(dx, left, pixels, args.width);
+      offsets[n] = {dx, columns, prices(radius + dy, radius + dx), ranks(radius + dy, radius + dx),
+                    ranks(radius - dy, radius - dx)};
+      if (columns.begin < columns.end)
+        sums[n].begin(columns.end - columns.begin, offsets[n].price, scores + n * layout.line + columns.begin);
     }
-    for (Int y = top; y < bottom; y += AT_ONCE) {
-      const Int rows = min(AT_ONCE, bottom - y);
-      for (Int n = 0; n < count; n++) {
-        const Int begin = offsets[n].pixels.begin, end = offsets[n].pixels.end;
-        if (begin >= end) continue;
-        const Int column0 = left + begin, column1 = LANES + column0 + offsets[n].dx;
-        Score *const line = scores + n * layout.line + begin;
-        for (Int row = y == top ? y : y + size - 1; row < y + rows + size - 1; row++)
-          sums[n].add_row({planes0.ptr(0, row, column0), planes1.ptr(0, row + dy, column1),
-                           planes0.shape[1] * planes0.shape[2], planes1.shape[1] * planes1.shape[2],
-                           end - begin + size - 1},
-                          row, line);
-        sums[n].finish(y, rows, end - begin, offsets[n].price, line, row_stride);
-      }
-      for (Int row = 0; row < rows; row++)
-        for (Int first = 0; first < count; first += OFFSETS_AT_ONCE) {
-          const Score *from01[OFFSETS_AT_ONCE], *from10[OFFSETS_AT_ONCE];
-          int32_t ranks01[OFFSETS_AT_ONCE], ranks10[OFFSETS_AT_ONCE];
-          for (Int k = 0; k < OFFSETS_AT_ONCE; k++) {
-            const Int n = min(first + k, count - 1);  // the last one again does not win
-            const Candidate<Score> &offset = offsets[n];
-            Score *line = scores + row * row_stride + n * layout.line;
-            for (Int x = 0; x < OUTSIDE; x++)  // what leads out of the other frame never wins
-              line[offset.pixels.begin - OUTSIDE + x] = line[offset.pixels.end + x] = -1;
-            from01[k] = line, from10[k] = line - offset.dx;
-            ranks01[k] = offset.rank01, ranks10[k] = offset.rank10;
-          }
-          const Columns widest = offsets[first].pixels;
-          if (widest.begin >= widest.end) continue;
-          const Int last_dx = offsets[min(first + OFFSETS_AT_ONCE, count) - 1].dx, dx = offsets[first].dx;
-          for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from01[k] += widest.begin;
-          keep_best(from01, ranks01, best01.ptr(y + row, left + widest.begin),
-                    winners01.ptr(y + row, left + widest.begin), widest.end - widest.begin);
-          // the scores are moved by their offsets, so that they refer to the same pixel
-          const Int begin = max(min(dx, last_dx), -left), end = min(pixels + max(dx, last_dx), width - left);
-          for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from10[k] += begin;
-          const Int column1 = LANES + left + begin;
-          keep_best(from10, ranks10, best10.ptr(y + row + dy, column1), winners10.ptr(y + row + dy, column1),
-                    end - begin);
-        }
-    }
-  };
+  }
 
+  // Scores rows from row y on at each offset; `is_first` tells that those above them have not been added.
+  void score_rows(Int y, Int rows, bool is_first) {
+    const View<const float, 3> planes0(args.planes0), planes1(args.planes1);
+    for (Int n = 0; n < count; n++) {
+      const Int begin = offsets[n].pixels.begin, wide = offsets[n].pixels.end - begin;
+      if (wide <= 0) continue;
+      const Int column0 = left + begin, column1 = LANES + column0 + offsets[n].dx;
+      Score *const line = scores + n * layout.line + begin;
+      for (Int row = is_first ? y : y + layout.size - 1; row < y + rows + layout.size - 1; row++)
+        sums[n].add_row({planes0.ptr(0, row, column0), planes1.ptr(0, row + dy, column1),
+                         planes0.shape[1] * planes0.shape[2], planes1.shape[1] * planes1.shape[2],
+                         wide + layout.size - 1},
+                        row, line);
+      sums[n].finish(y, rows, wide, offsets[n].price, line, layout.row());
+    }
+  }
+
+  // Keeps the best of the scores of row y, which begin at `line`, at some offsets from the first of them on.
+  void keep_best_of(Int first, Int y, Score *line) {
+    const Columns widest = offsets[first].pixels;
+    if (widest.begin >= widest.end) return;
+    const View<Score, 2> best01(args.found01.similarity), best10(args.found10.similarity);
+    const View<int32_t, 2> winners01(args.found01.ranks), winners10(args.found10.ranks);
+    // the scores are moved by their offsets for frame 1, so that they refer to the same pixel
+    const Int dx = offsets[first].dx, last_dx = offsets[min(first + OFFSETS_AT_ONCE, count) - 1].dx;
+    const Int begin = max(min(dx, last_dx), -left), end = min(pixels + max(dx, last_dx), args.width - left);
+    const Score *from01[OFFSETS_AT_ONCE], *from10[OFFSETS_AT_ONCE];
+    int32_t ranks01[OFFSETS_AT_ONCE], ranks10[OFFSETS_AT_ONCE];
+    for (Int k = 0; k < OFFSETS_AT_ONCE; k++) {
+      const Int n = min(first + k, count - 1);  // the last one again does not win
+      const Candidate<Score> &offset = offsets[n];
+      Score *own = line + n * layout.line;
+      for (Int x = 0; x < OUTSIDE; x++)  // what leads out of the other frame never wins
+        own[offset.pixels.begin - OUTSIDE + x] = own[offset.pixels.end + x] = -1;
+      from01[k] = own + widest.begin;
+      from10[k] = own - offset.dx + begin;
+      ranks01[k] = offset.rank01;
+      ranks10[k] = offset.rank10;
+    }
+    const Int column0 = left + widest.begin, column1 = LANES + left + begin;
+    keep_best(from01, ranks01, best01.ptr(y, column0), winners01.ptr(y, column0), widest.end - widest.begin);
+    keep_best(from10, ranks10, best10.ptr(y + dy, column1), winners10.ptr(y + dy, column1), end - begin);
+  }
+
+  void search() {
+    const Int top = max(Int(0), -dy), bottom = min(args.height, args.height - dy);
+    for (Int y = top; y < bottom; y += Scores::ROWS_AT_ONCE) {
+      const Int rows = min(Scores::ROWS_AT_ONCE, bottom - y);
+      score_rows(y, rows, y == top);
+      for (Int row = 0; row < rows; row++)
+        for (Int first = 0; first < count; first += OFFSETS_AT_ONCE)
+          keep_best_of(first, y + row, scores + row * layout.row());
+    }
+  }
+};
+
+template <typename Scores> Int search_all(const Search &args) {
+  typedef typename Scores::Score Score;
+  const Int radius = args.ranks.shape[0] / 2, width = args.width;
+  const Layout layout(args.weights.shape[0], Scores::ROWS_AT_ONCE, width);
+  Workspace workspace(args.scratch);
+  Scores sums[OFFSETS_PER_PASS];
+  for (Scores &each : sums) each.allocate(layout, args.weights.data, workspace);
+  Score *scores = workspace.take<Score>(Scores::ROWS_AT_ONCE * layout.row()) + OUTSIDE;
+  if (workspace.is_counting()) return workspace.size();
   for (Int dy = -radius; dy <= radius; dy++)
     for (Int left = 0; left < width; left += STRIP_WIDTH)
       for (Int sign = 1; sign >= -1; sign -= 2)
         for (Int nearest = sign < 0 ? -1 : 0; nearest * sign <= radius; nearest += sign * OFFSETS_PER_PASS) {
-          const Columns pixels = find_candidates(nearest, left, min(STRIP_WIDTH, width - left), width);
-          if (pixels.begin < pixels.end) search_pass(dy, left, nearest, sign);
+          SearchPass<Scores> pass{args, layout, sums, scores, dy, left, min(STRIP_WIDTH, width - left), 0, {}};
+          const Columns columns = find_candidates(nearest, left, pass.pixels, width);
+          if (columns.begin >= columns.end) continue;
+          pass.begin(nearest, sign);
+          pass.search();
         }
   return 0;
 }

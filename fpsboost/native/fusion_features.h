@@ -108,7 +108,8 @@ struct PointValues {  // what a motion field says at a place
 // Looks up the field at a place in units of points, bilinearly, and how far it agrees with a motion.
 FORCE_INLINE PointValues look_up(const View<const float, 3> &points, double x, double y, double dx, double dy) {
   const Int rows = points.shape[0], columns = points.shape[1];
-  x = clamp(x - 0.5, 0.0, double(columns - 1)), y = clamp(y - 0.5, 0.0, double(rows - 1));
+  x = clamp(x - 0.5, 0.0, double(columns - 1));
+  y = clamp(y - 0.5, 0.0, double(rows - 1));
   const Int left = Int(x), top = Int(y), right = min(left + 1, columns - 1), bottom = min(top + 1, rows - 1);
   const double part_x = x - double(left), part_y = y - double(top);
   const double shares[] = {(1 - part_y) * (1 - part_x), (1 - part_y) * part_x, part_y * (1 - part_x), part_y * part_x};

@@ -23,7 +23,7 @@ KERNEL(Int, search_tiles, const SearchTiles &args) {
                {as<const Offset *>(motion.data), as<const Offset *>(args.proposals.expected.data), motion.shape[0],
                 motion.shape[1], args.proposals.spacing},
                settings,
-               {listed.data, args.lists.similarity.data, as<float (*)[2]>(args.lists.flow.data), listed.shape[0],
+               {listed.data, args.lists.similarity.data, as<Vector *>(args.lists.flow.data), listed.shape[0],
                 listed.shape[1], args.lists.similarity.shape[2]},
                work);
   return 0;
@@ -34,9 +34,9 @@ KERNEL(Int, choose_labels, const ChooseLabels &args) {
   const Lattice lattice(args.count.shape[0] * args.count.shape[1], args.similarity.shape[2], args.costs.data,
                         workspace);
   if (workspace.is_counting()) return workspace.size();
-  choose_labels({args.count.data, as<const float (*)[2]>(args.motions.data), args.similarity.data,
+  choose_labels({args.count.data, as<const Vector *>(args.motions.data), args.similarity.data,
                  args.smoothness_weight.data, args.count.shape[0], args.count.shape[1], args.similarity.shape[2]},
-                float(args.smoothness), float(args.slope), lattice, as<float (*)[2]>(args.flow.data), args.chosen.data);
+                float(args.smoothness), float(args.slope), lattice, as<Vector *>(args.flow.data), args.chosen.data);
   return 0;
 }
 
@@ -55,7 +55,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
   float *smoothness_weight = scratch.take<float>(nodes), *costs = scratch.take<float>(nodes * ((labels + 7) / 8 * 8));
   CandidateLists lists = {scratch.take<int32_t>(nodes),
                           scratch.take<float>(nodes * labels),
-                          as<float (*)[2]>(scratch.take<float>(2 * nodes * labels)),
+                          scratch.take<Vector>(nodes * labels),
                           rows,
                           columns,
                           labels};
@@ -76,7 +76,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
       }
     choose_labels({lists.listed, lists.flow, lists.similarity, smoothness_weight, rows, columns, labels},
                   float(args.settings.smoothness), float(args.settings.slope), lattice,
-                  as<float (*)[2]>(flow.ptr(direction)), similarity.ptr(direction));
+                  as<Vector *>(flow.ptr(direction)), similarity.ptr(direction));
     frames = frames.opposite();
   }
   return 0;

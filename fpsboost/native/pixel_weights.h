@@ -91,9 +91,13 @@ inline void find_foreground(float scale, const Motion &motion, float t, Candidat
   float *gain = candidate.gain;
   write_decay(candidate.squared, 0, scale * FOREGROUND_SCALE, 1, match);
   float matched = 0;
-  for (int i = 0; i < BLOCKS_2X2; i++) matched += match[i], gain[i] = 1;
+  for (int i = 0; i < BLOCKS_2X2; i++) {
+    matched += match[i];
+    gain[i] = 1;
+  }
   if (matched > sums.matched) {
-    sums.matched = matched, sums.dominant = motion;
+    sums.matched = matched;
+    sums.dominant = motion;
     for (int i = 0; i < BLOCKS_2X2; i++) sums.mismatch[i] = 1 - match[i];
     return;
   }
@@ -126,7 +130,8 @@ struct FeatureSums {
 
 // Sums those features that differ from one 8x8 block to another, or not at all.
 inline void sum_8x8(const float *even, const float *odd, const Features &features, FeatureSums &sums) {
-  even += FEATURES_2X2, odd += FEATURES_2X2;
+  even += FEATURES_2X2;
+  odd += FEATURES_2X2;
   float constant = 0;
   for (int n = 0; n < WINDOW_FEATURES; n++) constant += even[FEATURES_8X8 + n] * features.window[n];
   F16 even_sum = broadcast<F16>(constant), odd_sum{};
@@ -171,9 +176,12 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
         const Wide of_frame0 = max(even_sum + odd_sum, floor), of_frame1 = max(even_sum - odd_sum, floor);
         const Wide alone = broadcast<Wide>(factors(n, 1));
         both = fma(broadcast<Wide>(factors(n, 0)), of_frame0 + of_frame1, both);
-        frame0 = fma(alone, of_frame0, frame0), frame1 = fma(alone, of_frame1, frame1);
+        frame0 = fma(alone, of_frame0, frame0);
+        frame1 = fma(alone, of_frame1, frame1);
       }
-      store(logits.both + first, both), store(logits.frame0 + first, frame0), store(logits.frame1 + first, frame1);
+      store(logits.both + first, both);
+      store(logits.frame0 + first, frame0);
+      store(logits.frame1 + first, frame1);
     }
   }
 }

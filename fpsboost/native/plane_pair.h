@@ -20,7 +20,8 @@ template <typename T> struct Frames {
   // The pair from frame 1 to frame 0.
   Frames opposite() const {
     Frames other = *this;
-    other.first = second, other.second = first;
+    other.first = second;
+    other.second = first;
     return other;
   }
 };

@@ -1,28 +1,11 @@
 // Vectors of points several pixels apart: forward-backward consistency, gradients and accelerations.
-#include "rounding.h"
+#include "forward_backward.h"
 
 namespace {
 
 // The smaller in magnitude of two numbers of the same sign, else 0; without branches, which could not be predicted.
 FORCE_INLINE float minmod(float before, float after) {
   return max(min(before, after), 0.0f) + min(max(before, after), 0.0f);
-}
-
-// How far from its start the vector of a pixel ends on the way there and back, and whether it leads into the frame.
-struct VectorError {
-  float distance;
-  bool inside;
-};
-
-FORCE_INLINE VectorError find_vector_error(float dx, float dy, const View<const float, 3> &back,
-                                           const FieldLayout &layout, Int y, Int x) {
-  const double landing_y = __builtin_rint(double(y) + double(dy)), landing_x = __builtin_rint(double(x) + double(dx));
-  const Int nearest_y = clamp(truncate(landing_y), Int(0), layout.height - 1);
-  const Int nearest_x = clamp(truncate(landing_x), Int(0), layout.width - 1);
-  const float *vector = back.ptr(nearest_y / layout.spacing, nearest_x / layout.spacing);
-  const double error_x = double(dx + vector[0]), error_y = double(dy + vector[1]);
-  return {float(__builtin_sqrt(error_x * error_x + error_y * error_y)),
-          0 <= landing_y && landing_y < double(layout.height) && 0 <= landing_x && landing_x < double(layout.width)};
 }
 
 }  // namespace
@@ -53,7 +36,7 @@ KERNEL(void, measure_forward_backward_errors, const MeasureForwardBackwardErrors
   const FieldLayout layout{args.spacing, args.height, args.width};
   for (Int i = 0; i < y.shape[0]; i++)
     for (Int j = 0; j < x.shape[0]; j++)
-      distance(i, j) = find_vector_error(vectors(i, j, 0), vectors(i, j, 1), back, layout, y(i), x(j)).distance;
+      distance(i, j) = forward_backward_error(vectors(i, j, 0), vectors(i, j, 1), back, layout, y(i), x(j)).distance;
 }
 
 KERNEL(void, find_accelerations, const FindAccelerations &args) {
@@ -68,8 +51,8 @@ KERNEL(void, find_accelerations, const FindAccelerations &args) {
     for (Int j = 0; j < x.shape[0]; j++) {
       const Int row = y(i) / args.layout.spacing, column = x(j) / args.layout.spacing;
       const float *onward = forward.ptr(row, column), *far = far_forward.ptr(row, column);
-      const VectorError near_error = find_vector_error(onward[0], onward[1], backward, args.layout, y(i), x(j));
-      const VectorError far_error = find_vector_error(far[0], far[1], far_backward, args.layout, y(i), x(j));
+      const RoundTripError near_error = forward_backward_error(onward[0], onward[1], backward, args.layout, y(i), x(j));
+      const RoundTripError far_error = forward_backward_error(far[0], far[1], far_backward, args.layout, y(i), x(j));
       float *change = changes.ptr(i, j);
       change[0] = change[1] = change[2] = 0;
       if (near_error.inside && far_error.inside && near_error.distance <= consistent &&

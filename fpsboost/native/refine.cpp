@@ -61,7 +61,8 @@ FORCE_INLINE Products<float> window_products(const uint8_t *first, const uint8_t
       else
         row = {fma(x, x, row.xx), fma(x, y, row.xy), fma(y, y, row.yy),
                fma(x, t, row.xt), fma(y, t, row.yt), fma(t, t, row.tt)};
-      above[c] = centre[c], centre[c] = below;
+      above[c] = centre[c];
+      centre[c] = below;
     }
     F8 fall = fma(row.tt, broadcast<F8>(tail), broadcast<F8>(1));
     fall *= fall;
@@ -99,7 +100,8 @@ void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &arg
       if (has_refined) {
         const float *known = refined.ptr(row, column);
         if (dx == __builtin_rintf(known[0]) && dy == __builtin_rintf(known[1])) {
-          vector[0] = known[0], vector[1] = known[1];
+          vector[0] = known[0];
+          vector[1] = known[1];
           continue;
         }
       }
@@ -124,7 +126,8 @@ void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &arg
         vector[1] = dy + clamp(factor * along_y, -largest, largest);
         const float x = __builtin_rintf(vector[0]), y = __builtin_rintf(vector[1]);
         if (x == dx && y == dy) break;
-        dx = x, dy = y;
+        dx = x;
+        dy = y;
       }
     }
 }

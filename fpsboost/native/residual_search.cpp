@@ -1,5 +1,6 @@
 // Residual search for small objects that the motion of their surroundings does not explain: unexplained points of one
 // frame are compared with those of the other one.
+#include "forward_backward.h"
 #include "plane_pair.h"
 #include "similarity.h"
 
@@ -119,22 +120,14 @@ FORCE_INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchRe
             for (Int i = 0; i < count; i++) {
               if (total[i] >= lowest) {
                 lowest = lowest_above(float(total[i]) * patch.share, patch.share);
-                flow(row, point, 0) = float(first + i - x), flow(row, point, 1) = float(other_y - y);
+                flow(row, point, 0) = float(first + i - x);
+                flow(row, point, 1) = float(other_y - y);
               }
             }
           }
         }
       }
     }
-}
-
-// Distance by which a vector, in units of points, and that of the nearest point to its end do not lead back.
-FORCE_INLINE float forward_backward_error(const View<const float, 3> &back, Int row, Int point, float dx, float dy,
-                                          float step) {
-  const Int end_y = clamp(Int(__builtin_rint(double(row) + double(dy))), Int(0), back.shape[0] - 1);
-  const Int end_x = clamp(Int(__builtin_rint(double(point) + double(dx))), Int(0), back.shape[1] - 1);
-  const double error_x = double(dx + back(end_y, end_x, 0) / step), error_y = double(dy + back(end_y, end_x, 1) / step);
-  return float(__builtin_sqrt(error_x * error_x + error_y * error_y));
 }
 
 }  // namespace
@@ -157,6 +150,7 @@ KERNEL(void, relax_smoothness, const RelaxSmoothness &args) {
   const View<const float, 4> flow(args.flow), before(args.before);
   const View<float, 3> smoothness_weight(args.smoothness_weight);
   const float step = float(args.step), tolerance = float(args.tolerance), weak = float(args.weak);
+  const FieldLayout points{1, flow.shape[1], flow.shape[2]};
   for (int direction = 0; direction < 2; direction++)
     for (Int row = 0; row < smoothness_weight.shape[1]; row++)
       for (Int point = 0; point < smoothness_weight.shape[2]; point++) {
@@ -164,7 +158,8 @@ KERNEL(void, relax_smoothness, const RelaxSmoothness &args) {
         const float change = max(absolute(vector[0] - old[0]), absolute(vector[1] - old[1]));
         // in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
         const float error =
-            forward_backward_error(flow[1 - direction], row, point, vector[0] / step, vector[1] / step, step);
+            forward_backward_error(vector[0] / step, vector[1] / step, flow[1 - direction], points, row, point, step)
+                .distance;
         smoothness_weight(direction, row, point) = change > 1 && error * step <= tolerance ? weak : 1;
       }
 }

@@ -9,14 +9,13 @@
 namespace {
 
 constexpr float MISSING_LABEL_COST = 1e30f;  // of a label that a node does not have
-constexpr Int PATHS_AT_ONCE =
-    4;  // a processor works on one node of each of so many neighbouring paths at the same time
+constexpr Int PATHS_AT_ONCE = 4;  // neighbouring paths, on one node of each of which a processor works at a time
 constexpr float MAX_FLOAT = 0x1.fffffep127f;
 
 // Labels of a lattice, of at most `capacity` at each node; behind those that a node has, anything may stand.
 struct LabelLists {
   const int32_t *count;
-  const float (*motion)[2];
+  const Vector *motion;
   const float *similarity, *smoothness_weight;
   Int rows, columns, capacity;
 };
@@ -29,8 +28,10 @@ struct Lattice {
 
   Lattice(Int nodes, Int capacity, float *costs, Workspace &workspace) : room((capacity + 7) / 8 * 8), total(costs) {
     const Int size = (nodes + 1) * room;
-    x = workspace.take<float>(size), y = workspace.take<float>(size);
-    data_cost = workspace.take<float>(size), path_cost = workspace.take<float>(size);
+    x = workspace.take<float>(size);
+    y = workspace.take<float>(size);
+    data_cost = workspace.take<float>(size);
+    path_cost = workspace.take<float>(size);
   }
 };
 
@@ -61,13 +62,16 @@ FORCE_INLINE void aggregate_path_costs(const Lattice &lattice, Int node, Int nod
 
 FORCE_INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
   const Int nodes = lists.rows * lists.columns, size = (nodes + 1) * lattice.room;
-  for (Int i = 0; i < size; i++)
-    lattice.x[i] = lattice.y[i] = lattice.path_cost[i] = 0, lattice.data_cost[i] = MISSING_LABEL_COST;
+  for (Int i = 0; i < size; i++) {
+    lattice.x[i] = lattice.y[i] = lattice.path_cost[i] = 0;
+    lattice.data_cost[i] = MISSING_LABEL_COST;
+  }
   for (Int i = 0; i < size - lattice.room; i++) lattice.total[i] = 0;
   for (Int node = 0; node < nodes; node++)
     for (Int k = 0; k < lists.count[node]; k++) {
       const Int from = node * lists.capacity + k, to = node * lattice.room + k;
-      lattice.x[to] = lists.motion[from][0], lattice.y[to] = lists.motion[from][1];
+      lattice.x[to] = lists.motion[from].dx;
+      lattice.y[to] = lists.motion[from].dy;
       lattice.data_cost[to] = -lists.similarity[from];
     }
 }
@@ -75,7 +79,7 @@ FORCE_INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
 // Chooses the label of every node with the lowest cost, the first of several; `choose_labels` of
 // fpsboost/kernels/level_search.py.
 FORCE_INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope, const Lattice &lattice,
-                                float (*flow)[2], float *chosen) {
+                                Vector *flow, float *chosen) {
   const Int rows = lists.rows, columns = lists.columns, nodes = rows * columns, room = lattice.room;
   const float *costs = lattice.total;
   copy_labels(lists, lattice);
@@ -92,8 +96,8 @@ FORCE_INLINE void choose_labels(const LabelLists &lists, float smoothness, float
             const float weight = min(lists.smoothness_weight[node], lists.smoothness_weight[node - step]);
             aggregate_path_costs(lattice, node, node - step, weight * slope, weight * smoothness);
           } else {
-            aggregate_path_costs(lattice, node, nodes, 0,
-                                 0);  // no change has a cost at the first node, which has no predecessor
+            // no change has a cost at the first node, which has no predecessor
+            aggregate_path_costs(lattice, node, nodes, 0, 0);
           }
         }
   }
@@ -102,7 +106,7 @@ FORCE_INLINE void choose_labels(const LabelLists &lists, float smoothness, float
     for (Int k = 1; k < lists.count[node]; k++)
       if (costs[node * room + k] < costs[node * room + best]) best = k;
     const Int from = node * lists.capacity + best;
-    flow[node][0] = lists.motion[from][0], flow[node][1] = lists.motion[from][1];
+    flow[node] = lists.motion[from];
     chosen[node] = lists.similarity[from];
   }
 }

@@ -96,33 +96,22 @@ template <typename T> Int filter_planes(const FindCoefficients &args) {
   return 0;
 }
 
-// The first of the 4 x 4 coefficients around a position, and their weights along both axes.
-struct SplinePlace {
-  Int top, left;
-  float down[4], across[4];
-};
-
-// The place where the motion of a pixel ends; beyond the frame, edges are repeated.
-FORCE_INLINE SplinePlace locate(const View<const float, 3> &motion, Int i, Int j) {
+// Where the motion of a pixel ends; beyond the frame, edges are repeated.
+FORCE_INLINE const float *find_end(const View<const float, 3> &coefficients, const View<const float, 3> &motion, Int i,
+                                   Int j, Taps &taps) {
   const float height = float(motion.shape[0]), width = float(motion.shape[1]);
   const float y = clamp(float(i) + motion(i, j, 1), -1.0f, height) + float(MARGIN);
   const float x = clamp(float(j) + motion(i, j, 0), -1.0f, width) + float(MARGIN);
-  const Int top = Int(y), left = Int(x);
-  SplinePlace place{top - 1, left - 1, {}, {}};
-  spline_weights(y - float(top), place.down);
-  spline_weights(x - float(left), place.across);
-  return place;
+  return find_taps(coefficients.data, coefficients.shape[2], y, x, taps);
 }
 
-FORCE_INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, const SplinePlace &place) {
-  float value = 0;
-  for (int j = 0; j < 4; j++) {
-    const float *row = coefficients.ptr(plane, place.top + j, place.left);
-    float part = 0;
-    for (int i = 0; i < 4; i++) part = fma(place.across[i], row[i], part);
-    value = fma(place.down[j], part, value);
-  }
-  return value;
+FORCE_INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, const float *from,
+                                 const Taps &taps) {
+  const Int stride = coefficients.shape[2];
+  from += plane * coefficients.shape[1] * stride;
+  float rows[TAPS];
+  for (int j = 0; j < TAPS; j++) rows[j] = filter<float>(from + j * stride, 1, taps.across) + 0;  // no zero is negative
+  return filter<float>(rows, 1, taps.down) + 0;
 }
 
 }  // namespace
@@ -142,11 +131,13 @@ KERNEL(void, mix_along, const MixAlong &args) {
     for (Int j = 0; j < mixed.shape[2]; j++) {
       const bool seen0 = visible0(i, j), seen1 = visible1(i, j);
       const float share = seen0 == seen1 ? t : float(seen1);
-      const SplinePlace place0 = locate(motion0, i, j), place1 = locate(motion1, i, j);
+      Taps taps0, taps1;
+      const float *from0 = find_end(coefficients0, motion0, i, j, taps0);
+      const float *from1 = find_end(coefficients1, motion1, i, j, taps1);
       float distance = 0;
       for (Int c = 0; c < mixed.shape[0]; c++) {
-        const float value = sample_spline(coefficients0, c, place0);
-        const float difference = sample_spline(coefficients1, c, place1) - value;
+        const float value = sample_spline(coefficients0, c, from0, taps0);
+        const float difference = sample_spline(coefficients1, c, from1, taps1) - value;
         mixed(c, i, j) = fma(share, difference, value);
         distance = fma(difference, difference, distance);
       }

@@ -31,7 +31,8 @@ struct TileWork {
   TileWork(const TileSettings &settings, Int spacing, Int capacity, Workspace &workspace) {
     const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 1;
     const Int places = (TILE + 2 * PROPOSAL_MARGIN) / spacing + 2, reach = (2 * settings.refine_radius + 1) * places;
-    points = max(per_tile * per_tile, Int(8)), flags = side * side;
+    points = max(per_tile * per_tile, Int(8));
+    flags = side * side;
     is_listed = workspace.take<bool>(flags);
     offsets = workspace.take<Offset>(min(flags, 1 + reach * reach));
     entries = workspace.take<float>(capacity * 3 * points);
@@ -48,7 +49,7 @@ struct ProposedOffsets {
 struct CandidateLists {
   int32_t *listed;
   float *similarity;
-  float (*flow)[2];
+  Vector *flow;
   Int down, across, capacity;
 };
 
@@ -120,13 +121,13 @@ FORCE_INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &ti
 
 // Appends an offset to a point's list if it is not listed yet; if the list is full, replaces the last entry.
 FORCE_INLINE void keep_offset(Offset offset, float similarity, Int point, const CandidateLists &lists) {
-  float (*flow)[2] = lists.flow + point * lists.capacity;
+  Vector *flow = lists.flow + point * lists.capacity;
   const Int count = lists.listed[point];
   for (Int k = 0; k < count; k++)
-    if (flow[k][0] == float(offset.dx) && flow[k][1] == float(offset.dy)) return;
+    if (flow[k].dx == float(offset.dx) && flow[k].dy == float(offset.dy)) return;
   const Int place = min(count, lists.capacity - 1);
   lists.similarity[point * lists.capacity + place] = similarity;
-  flow[place][0] = float(offset.dx), flow[place][1] = float(offset.dy);
+  flow[place] = {float(offset.dx), float(offset.dy)};
   lists.listed[point] = int32_t(place + 1);
 }
 
@@ -137,13 +138,14 @@ FORCE_INLINE void write_lists(const Tile &tile, float *entries, Int points, Int 
   for (Int p = 0; p < tile.down; p++)
     for (Int q = 0; q < tile.across; q++) {
       const Int of_tile = p * per_tile + q, point = (tile.first_row + p) * lists.across + tile.first_column + q;
-      float *similarity = lists.similarity + point * lists.capacity, (*flow)[2] = lists.flow + point * lists.capacity;
+      float *similarity = lists.similarity + point * lists.capacity;
+      Vector *flow = lists.flow + point * lists.capacity;
       int32_t count = 0;
       for (Int entry = 0; entry < lists.capacity; entry++) {
         const EntryRow row(entries, entry, points);
         const bool is_filled = row.similarity[of_tile] > NOTHING;
         similarity[entry] = is_filled ? row.similarity[of_tile] : NOTHING;
-        flow[entry][0] = is_filled ? row.dx[of_tile] : 0, flow[entry][1] = is_filled ? row.dy[of_tile] : 0;
+        flow[entry] = is_filled ? Vector{row.dx[of_tile], row.dy[of_tile]} : Vector{0, 0};
         if (is_filled) count = int32_t(entry + 1);
       }
       lists.listed[point] = count;
@@ -196,7 +198,10 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
       for (Int i = 0; i < points; i++) values[i] = NOTHING;  // includes points beyond the frame
       for (Int k = 0; k < lists.capacity; k++) {
         const EntryRow row(entries, k, points);
-        for (Int i = 0; i < points; i++) row.similarity[i] = NOTHING, row.dx[i] = row.dy[i] = NOWHERE;
+        for (Int i = 0; i < points; i++) {
+          row.similarity[i] = NOTHING;
+          row.dx[i] = row.dy[i] = NOWHERE;
+        }
       }
       for (Int p = 0; p < tile.down; p++)
         for (Int q = 0; q < tile.across; q++) {

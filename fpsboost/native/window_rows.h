@@ -60,7 +60,10 @@ inline void average_patches(const float *values, float *out) {
     const F16 last = row(j + 2), sum = sum_five(first, second, third, fourth, last);
     const F16 patch = sum_five(moved<-2>(sum), moved<-1>(sum), sum, moved<1>(sum), moved<2>(sum));
     store(out + j * BLOCKS_2X2_PER_ROW, patch * load<F16>(PATCH_SHARES.values + j * BLOCKS_2X2_PER_ROW));
-    first = second, second = third, third = fourth, fourth = last;
+    first = second;
+    second = third;
+    third = fourth;
+    fourth = last;
   }
 }
 

@@ -57,7 +57,9 @@ struct LayerSamples {
         tall(WINDOW / down), size(wide * tall), mixed(workspace.take<float>(channels * size)),
         change(workspace.take<float>(channels * size)), total(workspace.take<float>(channels * size)) {
     band.data = workspace.take<float>(band_planes * tall * columns);
-    band.shape[0] = band_planes, band.shape[1] = tall, band.shape[2] = columns;
+    band.shape[0] = band_planes;
+    band.shape[1] = tall;
+    band.shape[2] = columns;
     if (!workspace.is_counting()) __builtin_memset(band.data, 0, band_planes * tall * columns * sizeof(float));
   }
 };
@@ -74,8 +76,10 @@ inline WindowPlace locate_window(Int top, Int left, const Motion &motion, float 
                                  InsideMarks &marks) {
   const float curve = t * (1 - t) * 0.5f;
   float x[2], y[2];
-  x[0] = float(left) + curve * motion.acceleration_x - t * motion.dx, x[1] = x[0] + motion.dx;
-  y[0] = float(top) + curve * motion.acceleration_y - t * motion.dy, y[1] = y[0] + motion.dy;
+  x[0] = float(left) + curve * motion.acceleration_x - t * motion.dx;
+  x[1] = x[0] + motion.dx;
+  y[0] = float(top) + curve * motion.acceleration_y - t * motion.dy;
+  y[1] = y[0] + motion.dy;
   WindowPlace place;
   place.is_inside = min(x[0], x[1]) >= 0 && min(y[0], y[1]) >= 0 && max(x[0], x[1]) <= float(width - WINDOW) &&
                     max(y[0], y[1]) <= float(height - WINDOW);
@@ -131,7 +135,10 @@ FORCE_INLINE void mix_columns(const LayerSamples &layer, const float *const from
     const Int stride = layer.coefficients[n].shape[2];
     const float *next = from[n];
     V across[TAPS], down[TAPS];
-    for (int k = 0; k < TAPS; k++) across[k] = broadcast<V>(taps[n].across[k]), down[k] = broadcast<V>(taps[n].down[k]);
+    for (int k = 0; k < TAPS; k++) {
+      across[k] = broadcast<V>(taps[n].across[k]);
+      down[k] = broadcast<V>(taps[n].down[k]);
+    }
     const auto filter_row = [&]() INLINE_LAMBDA {
       V sum = load<V>(next) * across[0];
       for (int k = 1; k < TAPS; k++) sum = fma(load<V>(next + k), across[k], sum);
@@ -143,7 +150,9 @@ FORCE_INLINE void mix_columns(const LayerSamples &layer, const float *const from
     for (Int j = 0; j < tall; j++) {
       const V fourth = filter_row();
       const V sum = fma(fourth, down[3], fma(third, down[2], fma(second, down[1], first * down[0])));
-      first = second, second = third, third = fourth;
+      first = second;
+      second = third;
+      third = fourth;
       if (n == 0) {
         samples[j] = sum;
         continue;
