@@ -26,16 +26,12 @@ FORCE_INLINE float add_differences(float total, const float *row0, const float *
   return total;
 }
 
-template <typename T> struct SumOf {
-  typedef Int Type;
-};
-template <> struct SumOf<float> {
-  typedef float Type;
-};
+// Sum of differences: whole, or of floats.
+template <typename T> using SumOf = decltype(T() * Int());
 
 // Search for the best match of one block.
 template <typename T> struct BlockSearch {
-  typedef typename SumOf<T>::Type Sum;
+  typedef SumOf<T> Sum;
   View<const T, 2> rows0, rows1;
   Int channels, search_range;
   Block block;
@@ -73,7 +69,7 @@ template <typename T> struct BlockSearch {
 };
 
 template <typename T> void match(const MatchBlocks &args) {
-  typedef typename SumOf<T>::Type Sum;
+  typedef SumOf<T> Sum;
   const View<const int32_t, 2> offsets(args.plan.offsets);
   const View<const int32_t, 1> turns(args.plan.turns);
   const View<const bool, 1> repeated(args.plan.repeated);

@@ -131,25 +131,33 @@ FORCE_INLINE void keep_offset(Offset offset, float similarity, Int point, const 
   lists.listed[point] = int32_t(place + 1);
 }
 
+// Points of a tile: the expected offset and its similarity, and the similarity of the offset that is compared.
+struct TilePoints {
+  Int per_row;
+  Offset expected[TILE * TILE];
+  float expected_similarity[TILE * TILE], similarity[TILE * TILE];
+};
+
 // Writes the lists of a tile's points to those of the frame. The expected motion is added where its similarity is not
 // negative; if nothing is listed, zero motion is.
-FORCE_INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_tile, const Offset *expected,
-                              const float *similarities, const CandidateLists &lists) {
+FORCE_INLINE void write_lists(const Tile &tile, const TileWork &work, const TilePoints &points,
+                              const CandidateLists &lists) {
   for (Int p = 0; p < tile.down; p++)
     for (Int q = 0; q < tile.across; q++) {
-      const Int of_tile = p * per_tile + q, point = (tile.first_row + p) * lists.across + tile.first_column + q;
+      const Int of_tile = p * points.per_row + q, point = (tile.first_row + p) * lists.across + tile.first_column + q;
       float *similarity = lists.similarity + point * lists.capacity;
       Vector *flow = lists.flow + point * lists.capacity;
       int32_t count = 0;
       for (Int entry = 0; entry < lists.capacity; entry++) {
-        const EntryRow row(entries, entry, points);
+        const EntryRow row(work.entries, entry, work.points);
         const bool is_filled = row.similarity[of_tile] > NOTHING;
         similarity[entry] = is_filled ? row.similarity[of_tile] : NOTHING;
         flow[entry] = is_filled ? Vector{row.dx[of_tile], row.dy[of_tile]} : Vector{0, 0};
         if (is_filled) count = int32_t(entry + 1);
       }
       lists.listed[point] = count;
-      if (similarities[of_tile] >= 0) keep_offset(expected[of_tile], similarities[of_tile], point, lists);
+      if (points.expected_similarity[of_tile] >= 0)
+        keep_offset(points.expected[of_tile], points.expected_similarity[of_tile], point, lists);
       lists.listed[point] = max(lists.listed[point], 1);
     }
 }
@@ -172,71 +180,88 @@ template <Int LANES> struct ColumnSums {
   }
 };
 
-// Finds the most similar offsets, at least one, at every point of a frame; `search_tiles` of fpsboost/kernels/tiles.py.
-// LANES, the columns of a tile and its patches in whole vectors, is a constant, so that a row is one piece of code.
+// Begins the points of a tile, and their lists, in which nothing is.
+FORCE_INLINE void begin_points(const ProposedOffsets &proposals, const Tile &tile, Int step, Int capacity,
+                               const TileWork &work, TilePoints &points) {
+  for (Int i = 0; i < work.points; i++) points.similarity[i] = NOTHING;  // includes points beyond the frame
+  for (Int k = 0; k < capacity; k++) {
+    const EntryRow row(work.entries, k, work.points);
+    for (Int i = 0; i < work.points; i++) {
+      row.similarity[i] = NOTHING;
+      row.dx[i] = row.dy[i] = NOWHERE;
+    }
+  }
+  for (Int p = 0; p < tile.down; p++)
+    for (Int q = 0; q < tile.across; q++) {
+      const Int y = min(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
+      const Int x = min(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
+      points.expected[p * points.per_row + q] = proposals.expected[y * proposals.across + x];
+      points.expected_similarity[p * points.per_row + q] = -1;
+    }
+}
+
+// Scores an offset at the points of a tile by the sums of its patches: `compared` rows of `size` columns, of which each
+// pixel counts `share`.
+template <Int LANES>
+FORCE_INLINE void score_points(const ColumnSums<LANES> &columns, const Tile &tile, const TileSettings &settings,
+                               Int size, Int compared, float share, Offset offset, TilePoints &points) {
+  const Int step = settings.step;
+  for (Int p = 0; p < tile.down; p++) {
+    const uint16_t *above = columns.sums[(p * step + step / 2) / settings.row_step], *below = above + compared * LANES;
+    uint16_t sums[LANES];
+    for (Int i = 0; i < LANES; i++) sums[i] = uint16_t(below[i] - above[i]);
+    for (Int q = 0; q < tile.across; q++) {
+      int32_t total = 0;
+      for (Int i = 0; i < size; i++) total += sums[q * step + step / 2 + i];
+      const Int point = p * points.per_row + q;
+      points.similarity[point] = float(total) * share;
+      if (offset.dx == points.expected[point].dx && offset.dy == points.expected[point].dy)
+        points.expected_similarity[point] = points.similarity[point];
+    }
+  }
+}
+
+// Finds the most similar offsets, at least one, at every point of a frame. LANES, the columns of a tile and its patches
+// in whole vectors, is a constant, so that a row is one piece of code.
 template <Int LANES>
 void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
                      const CandidateLists &lists, const TileWork &work) {
   const Int step = settings.step, radius = settings.patch_radius, row_step = settings.row_step;
-  const Int size = 2 * radius + 1;
-  const Int compared = (size + row_step - 1) / row_step;  // rows of a patch
+  const Int size = 2 * radius + 1, compared = (size + row_step - 1) / row_step;  // columns and rows of a patch
   const float share = float(1 / double(frames.max_similarity * size * compared));
-  const Int per_tile = TILE / step, points = work.points;
-  bool *is_listed = work.is_listed;
-  Offset *offsets = work.offsets;
-  float *entries = work.entries;
-  __builtin_memset(is_listed, 0, work.flags);
-  Offset expected[TILE * TILE];
-  float values[TILE * TILE], similarities[TILE * TILE];  // of the offset, and of the expected one
+  TilePoints points;
+  points.per_row = TILE / step;
   ColumnSums<LANES> columns;
+  __builtin_memset(work.is_listed, 0, work.flags);
   __builtin_memset(columns.sums[0], 0, sizeof columns.sums[0]);
   for (Int top = 0; top < frames.height; top += TILE)
     for (Int left = 0; left < frames.width; left += TILE) {
-      const Tile tile = {
-          top,        left,        min(top + TILE, frames.height),         min(left + TILE, frames.width),
-          top / step, left / step, min(per_tile, lists.down - top / step), min(per_tile, lists.across - left / step)};
-      for (Int i = 0; i < points; i++) values[i] = NOTHING;  // includes points beyond the frame
-      for (Int k = 0; k < lists.capacity; k++) {
-        const EntryRow row(entries, k, points);
-        for (Int i = 0; i < points; i++) {
-          row.similarity[i] = NOTHING;
-          row.dx[i] = row.dy[i] = NOWHERE;
-        }
-      }
-      for (Int p = 0; p < tile.down; p++)
-        for (Int q = 0; q < tile.across; q++) {
-          const Int y = min(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
-          const Int x = min(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
-          expected[p * per_tile + q] = proposals.expected[y * proposals.across + x];
-          similarities[p * per_tile + q] = -1;
-        }
+      const Tile tile = {top,
+                         left,
+                         min(top + TILE, frames.height),
+                         min(left + TILE, frames.width),
+                         top / step,
+                         left / step,
+                         min(points.per_row, lists.down - top / step),
+                         min(points.per_row, lists.across - left / step)};
+      begin_points(proposals, tile, step, lists.capacity, work, points);
       const Int last_row = max(tile.bottom, top + tile.down * step);  // the last points may lie beyond the frame's edge
       const Int rows = (last_row - top + 2 * radius + row_step - 1) / row_step;
-      const Int count = gather_offsets(proposals, tile, settings, is_listed, offsets);
+      const Int count = gather_offsets(proposals, tile, settings, work.is_listed, work.offsets);
       for (Int k = 0; k < count; k++) {
-        const Int dx = offsets[k].dx, dy = offsets[k].dy;
-        if (min(top + dy, left + dx) < -TILE || last_row + dy > frames.height + TILE ||
-            tile.right + dx > frames.width + TILE)
+        const Offset offset = work.offsets[k];
+        if (min(top + offset.dy, left + offset.dx) < -TILE || last_row + offset.dy > frames.height + TILE ||
+            tile.right + offset.dx > frames.width + TILE)
           continue;  // the tile would lie mostly outside
-        const Int place0 = frames.place(top - radius, left - radius),
-                  place1 = frames.place(top - radius + dy, left - radius + dx);
-        columns.compare(frames, place0, place1, row_step * frames.stride, rows);
-        for (Int p = 0; p < tile.down; p++) {
-          const uint16_t *above = columns.sums[(p * step + step / 2) / row_step], *below = above + compared * LANES;
-          uint16_t sums[LANES];
-          for (Int i = 0; i < LANES; i++) sums[i] = uint16_t(below[i] - above[i]);
-          for (Int q = 0; q < tile.across; q++) {
-            int32_t total = 0;
-            for (Int i = 0; i < size; i++) total += sums[q * step + step / 2 + i];
-            const Int point = p * per_tile + q;
-            values[point] = float(total) * share;
-            if (dx == expected[point].dx && dy == expected[point].dy) similarities[point] = values[point];
-          }
-        }
-        for (Int i = 0; i < points; i += 8)
-          insert_top_eight(float(dx), float(dy), values, i, entries, points, lists.capacity);
+        columns.compare(frames, frames.place(top - radius, left - radius),
+                        frames.place(top - radius + offset.dy, left - radius + offset.dx), row_step * frames.stride,
+                        rows);
+        score_points(columns, tile, settings, size, compared, share, offset, points);
+        for (Int i = 0; i < work.points; i += 8)
+          insert_top_eight(float(offset.dx), float(offset.dy), points.similarity, i, work.entries, work.points,
+                           lists.capacity);
       }
-      write_lists(tile, entries, points, per_tile, expected, similarities, lists);
+      write_lists(tile, work, points, lists);
     }
 }
 
