@@ -39,6 +39,7 @@ from .io.video.encode_options import Encoding as Encoding
 from .layered import Layer as Layer
 from .layered import LayeredImage as LayeredImage
 from .masks import Mask as Mask
+from .media.remarks import Remark as Remark
 from .memory import MemoryLimit as MemoryLimit
 from .method_table import find_method as find_method
 from .method_table import interpolate as interpolate

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
+from fpsboost.remarks import Remarks
 from fpsboost.timing.options import FrameIntervals
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
@@ -29,8 +30,11 @@ class FrameSource(AbstractContextManager["FrameSource"], Protocol):
     def info(self) -> ClipInfo: ...
 
     @property
-    def remarks(self) -> list[str]:
-        """Sentences about what was lost or guessed so far (damage, missing duration); complete after the last frame."""
+    def remarks(self) -> Sequence[str]:
+        """What was lost or guessed so far (damage, missing duration); complete after the last frame.
+
+        A `fpsboost.Remark` says so as data too; a plain sentence gets the kind ``other``.
+        """
 
     def __iter__(self) -> Iterator[Frame]: ...
 
@@ -105,8 +109,8 @@ class FrameSink(AbstractContextManager["FrameSink"], Protocol):
     """Whether the last frame must be shown for its duration (video), or the clip ends with it (images)."""
 
     @property
-    def remarks(self) -> list[str]:
-        """Sentences about what the target could not hold."""
+    def remarks(self) -> Sequence[str]:
+        """What the target could not hold; see `FrameSource.remarks`."""
 
     def write(self, frame: Frame) -> None: ...
 
@@ -232,8 +236,8 @@ class Summary:
     """Frames of `frames_out` that an earlier run had finished."""
     seconds: float = 0.0
     """Wall time of the loop."""
-    remarks: list[str] = field(default_factory=list)
-    """Sentences about everything that was lost or guessed."""
+    remarks: Remarks = field(default_factory=Remarks)
+    """Everything that was lost or guessed: sentences, each with its kind and values, see `fpsboost.Remark`."""
     details: str = ""
     """How the target was written, for verbose output; empty if there was no choice."""
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)

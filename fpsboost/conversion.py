@@ -162,7 +162,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                 if summary.lowest_match is not None:
                     summary.lowest_match_file = main.names.path(summary.lowest_match.number).name
     # some are known only after the sink has finished the output
-    summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
+    summary.remarks.take(sink.remarks)
     if part is None:
         summary.remarks += closing_remarks(ready, summary.frame_intervals)
     return summary

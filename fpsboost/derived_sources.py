@@ -14,6 +14,7 @@ from fpsboost.frame_cache import SourcePosition
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import TIME_TOLERANCE, TimeMap, Window
+from fpsboost.remarks import Remarks
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.position import Trim
 
@@ -55,7 +56,7 @@ class TrimmedSource(ClosesOnExit):
         self._rounding = min(source.info.time_base, TIME_TOLERANCE)
         self._first = self._dropped = 0
         self._begun = False
-        self._own_remarks: list[str] = []
+        self._own_remarks = Remarks()
         self._ended = f"{source.info.name} has ended where `start={trim.start}` would be; name an earlier one."
         if source.info.duration is not None and begin >= source.info.duration:
             raise InputError(self._ended)
@@ -94,10 +95,7 @@ class TrimmedSource(ClosesOnExit):
         if times is None:
             self._dropped = number
             if number:
-                self._own_remarks.append(
-                    f"{self.info.name} was read from where the range begins, because the times of its frames are known "
-                    "only by decoding them."
-                )
+                self._own_remarks.add("range-read-from-beginning", name=self.info.name)
             return
         numbers = self._numbers(times)
         if number >= len(numbers):
@@ -158,7 +156,7 @@ class EditedSource(ClosesOnExit):
     """
 
     info: ClipInfo
-    remarks: list[str]
+    remarks: Remarks
     edit: Edit
     open_at: Callable[[int], AbstractContextManager[FrameSource]]
     position_of: Callable[[int, Fraction], SourcePosition] = SourcePosition
@@ -174,7 +172,7 @@ class EditedSource(ClosesOnExit):
 
     def again(self, number: int) -> "EditedSource":
         """Return the same source once more, to be read from a frame on."""
-        return replace(self, remarks=[], first=number)
+        return replace(self, remarks=Remarks(), first=number)
 
     def __iter__(self) -> Iterator[Frame]:
         place = self.first
@@ -188,7 +186,7 @@ class EditedSource(ClosesOnExit):
                     ends_gap = place in self.edit.after_gaps
                     yield replace(frame, time=self.edit.times[place], duration=Fraction(0), ends_gap=ends_gap)
                     place += 1
-                self.remarks += [remark for remark in source.remarks if remark not in self.remarks]
+                self.remarks.take(source.remarks)
 
 
 def _kept(numbered: Iterable[tuple[int, Frame]], wanted: set[int]) -> Iterator[Frame]:

@@ -4,7 +4,7 @@ Each reads what it must know, and lists the frames anew; see `fpsboost.timing.ed
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -23,6 +23,7 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.opening import Target
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import TimeMap, Window, counted
+from fpsboost.remarks import Remarks
 from fpsboost.streaming import positions_of
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.options import readable
@@ -68,9 +69,9 @@ class OpenedClip:
             return origin
         return None
 
-    def edited(self, edit: Edit, info: ClipInfo, *remarks: str) -> "OpenedClip":
+    def edited(self, edit: Edit, info: ClipInfo, remarks: Iterable[str] = ()) -> "OpenedClip":
         """Return the clip with its frames as an edit lists them; `info` is that of the edited clip."""
-        source = EditedSource(info, [*self.whole.remarks, *remarks], edit, self.read_from)
+        source = EditedSource(info, Remarks([*self.whole.remarks, *remarks]), edit, self.read_from)
         return replace(self, source=source, read_from=source.again)
 
 
@@ -104,10 +105,9 @@ def without_repeats(clip: OpenedClip, detector: DuplicateDetector) -> OpenedClip
         info = replace(info, rate=cadence.rate, time_base=ByRate(cadence.rate).time_base(info.time_base))
         how = f"are evenly spaced, {readable(info.rate)} per second ({cadence.name})"
     all_frames = len(found.times)
-    remark = (
-        f"{all_frames - len(edit.frames)} of {all_frames} frames repeat another and were dropped; the others {how}."
-    )
-    return clip.edited(edit, edit.of_info(info), remark)
+    remarks = Remarks()
+    remarks.add("repeats-dropped", count=all_frames - len(edit.frames), frames=all_frames, how=how)
+    return clip.edited(edit, edit.of_info(info), remarks)
 
 
 def with_gaps(clip: OpenedClip, gaps: Gaps) -> OpenedClip:
@@ -130,19 +130,20 @@ def with_gaps(clip: OpenedClip, gaps: Gaps) -> OpenedClip:
         for number, (begin, end) in enumerate(pairwise(times))
     ]
     edit = Edit.whole(times).with_gaps(missing, 1 / info.rate)
-    return clip.edited(edit, edit.of_info(info), _gaps_remark(missing, info.rate))
+    return clip.edited(edit, edit.of_info(info), _remarks_on_gaps(missing, info.rate))
 
 
-def _gaps_remark(missing: list[int], rate: Fraction) -> str:
-    """Return which frames are missing, by their numbers behind each frame."""
-    listed = [f"{number}" + (f"x{count}" if count > 1 else "") for number, count in enumerate(missing) if count]
-    if not listed:
-        return "No gap was found in camera motion; `gaps` takes a list of those in other motion."
-    more = ", ..." if len(listed) > MAX_LISTED else ""
-    return (
-        f"Missing behind {','.join(listed[:MAX_LISTED])}{more}: {counted(sum(missing), 'frame')}; with them, the "
-        f"picture is {float(sum(missing) / rate):.3f} s longer."
-    )
+def _remarks_on_gaps(missing: list[int], rate: Fraction) -> Remarks:
+    """Return the remark on which frames are missing, by their numbers behind each frame."""
+    remarks = Remarks()
+    places = [f"{number}" + (f"x{count}" if count > 1 else "") for number, count in enumerate(missing) if count]
+    if places:
+        listed = ",".join(places[:MAX_LISTED]) + (", ..." if len(places) > MAX_LISTED else "")
+        total = sum(missing)
+        remarks.add("frames-missing", listed=listed, frames=counted(total, "frame"), seconds=float(total / rate))
+    else:
+        remarks.add("no-frames-missing")
+    return remarks
 
 
 def looped(clip: OpenedClip, schedule: Schedule, *, keeps_sound: bool) -> tuple[EditedSource, OutputRange]:
@@ -179,16 +180,13 @@ def looped(clip: OpenedClip, schedule: Schedule, *, keeps_sound: bool) -> tuple[
         window.end = window.begin + end - start  # the clip goes on, and so does its sound
     info = replace(source.info, frame_count=count, duration=end - start)
     total = count_frames(schedule, info, holds_last_frame=True)
-    remarks = list(clip.whole.remarks)
+    remarks = Remarks(clip.whole.remarks)
     video = clip.whole.stream_info.video
     if keeps_sound and video and "sound" in video.companions:
-        remarks.append(
-            f"{name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
-            "the last one until its end; leave it out with `audio=False`."
-        )
+        remarks.add("loop-of-sound", name=name, frames=total)
     seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
     if len(seam) > 1 and not any(seam):
-        remarks.append(f"{name} holds its last frame, and so does its loop; no frames lead from it to the first.")
+        remarks.add("loop-holds-last", name=name)
     edit = Edit.whole(times).looped(end - start, LOOP_CONTEXT)
     before = schedule.output_position(-LOOP_CONTEXT, start, schedule.presentation_time(start, edit.times[0]))
 

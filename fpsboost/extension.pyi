@@ -58,6 +58,7 @@ from .media.locks import LOCKED as LOCKED
 from .media.locks import lock_file as lock_file
 from .media.opening import open_video as open_video
 from .media.pixels import assumed_color_space as assumed_color_space
+from .media.remarks import counted as counted
 from .media.safe_files import check_writable as check_writable
 from .media.safe_files import sync as sync
 from .media.safe_files import write_safely as write_safely
@@ -76,6 +77,7 @@ from .options import options_from as options_from
 from .options import words_of_options as words_of_options
 from .pair import triplewise as triplewise
 from .parts.manifest import first_difference as first_difference
+from .parts.manifest import from_json as from_json
 from .parts.manifest import job_facts as job_facts
 from .parts.manifest import program_facts as program_facts
 from .parts.plan import PlannedPart as PlannedPart
@@ -88,6 +90,7 @@ from .preparation import prepared as prepared
 from .probing import Findings as Findings
 from .probing import Probe as Probe
 from .probing import expected_losses as expected_losses
+from .remarks import Remarks as Remarks
 from .run_options import RunObserver as RunObserver
 from .threads import available_cores as available_cores
 from .threads import one_opencv_thread as one_opencv_thread

@@ -392,16 +392,13 @@ class Interpolator(Checked):
                     confidence[overlay] = 1
             yield InterpolatedImage(image, confidence)
 
-    def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
-        """Return the interpolator with other vectors of a renderer, if it has any, and the remarks of these vectors."""
+    def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> Interpolator:
+        """Return the interpolator with other vectors of a renderer, if it has any."""
         matched: dict[str, Any] = {}
-        remarks: list[str] = []
         for name, part in self._parts.items():
             if isinstance(part, UsesVectors) and part.vectors is not None:
-                vectors = change(part.vectors)
-                matched[name] = replace(part, vectors=vectors)  # type: ignore[type-var]
-                remarks += [remark for remark in vectors.remarks if remark not in remarks]
-        return replace(self, **matched), remarks
+                matched[name] = replace(part, vectors=change(part.vectors))  # type: ignore[type-var]
+        return replace(self, **matched)
 
     def without_vectors(self) -> Interpolator:
         """Return an interpolator that does the same as far as that needs no rendered motion."""

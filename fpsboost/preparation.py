@@ -35,6 +35,7 @@ from fpsboost.media import FOREVER, VIDEO_SUFFIXES, TimeMap
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
+from fpsboost.remarks import Remarks
 from fpsboost.render.fitting import fit_vectors
 from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
@@ -164,7 +165,7 @@ class Preparation:
     interpolator: Interpolator
     base_schedule: Schedule
     output: Output
-    remarks: list[str]
+    remarks: Remarks
 
 
 @contextmanager
@@ -183,7 +184,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     stream = clip.whole.stream_info
     if timing.replace is not None:
         timing.replace.check("replace", clip.whole.info)
-    encoding, lost = _adapt_audio(job.encoding, stream, timing, clip.clip_curve, target.path)
+    remarks = Remarks()
+    encoding = _adapt_audio(job.encoding, stream, timing, clip.clip_curve, target.path, remarks)
     schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     most = target.highest_rate
     asked = timing.output_timing(info, schedule).rate
@@ -192,7 +194,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
             replace(timing, fps=most) if timing.slow_motion else replace(timing, factor=timing.multiple * most / asked)
         )
         schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
-        lost.append(f"{target.path} has {most} frames per second, the most that {target.file_type} can show.")
+        remarks.add("rate-lowered", name=target.path, rate=most, file_type=target.file_type)
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images
     keeps_numbers = (
@@ -210,7 +212,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         times = clip.source.frame_times() if is_whole else None
         interpolator = replace(interpolator, mask=interpolator.mask.fitted(info, matrix, times))
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or timing.loop)
-    interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
+    interpolator = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected, remarks)
     output = Output(
         target.path,
         clip.whole.info,
@@ -223,19 +225,16 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         factor=None if clip.curve is not None or timing.duplicates == "drop" or timing.gaps is not None else multiple,
         in_place=run.in_place,
     )
-    return Preparation(job, run, clip, target, interpolator, schedule, output, [*lost, *on_vectors])
+    return Preparation(job, run, clip, target, interpolator, schedule, output, remarks)
 
 
-def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
+def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> Remarks:
     """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
     images = ready.clip.whole.stream_info.images
     info = ready.clip.source.info
-    remarks = [*ready.remarks, *ready.job.timing.remarks(info, ready.base_schedule, intervals)]
+    remarks = Remarks([*ready.remarks, *ready.job.timing.remarks(info, ready.base_schedule, intervals)])
     if images is not None and images.step > 1 and ready.target.has_rate:
-        remarks.append(
-            f"`input_fps` counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
-            f"it is 24/{images.step}, or 24 with `fill_gaps`."
-        )
+        remarks.add("input-fps-of-steps", name=info.name, step=images.step)
     return remarks
 
 
@@ -314,11 +313,16 @@ def name_in_folder(path: str, folder: Path) -> str:
 
 
 def _match_vectors(
-    interpolator: Interpolator, name: str, images: NumberedImages | None, factor: Fraction, count: int | None
-) -> tuple[Interpolator, list[str]]:
-    """Match a renderer's vectors to the output's frame numbers if both have numbers; return remarks if they differ."""
+    interpolator: Interpolator,
+    name: str,
+    images: NumberedImages | None,
+    factor: Fraction,
+    count: int | None,
+    remarks: Remarks,
+) -> Interpolator:
+    """Match a renderer's vectors to the output's frame numbers if both have numbers; add remarks if they differ."""
     if images is None or not images.numbers or count is None:
-        return interpolator, []
+        return interpolator
     kept = images.numbers_for(factor)
     if interpolator.needs_every_frame and kept is None and (images.step > 1 or images.fills_gaps):
         raise OptionError(
@@ -329,8 +333,10 @@ def _match_vectors(
     numbers = range(first, first + count * step, step)
 
     def matched(vectors: VectorFolder) -> VectorFolder:
-        vectors = vectors.matched(numbers, must_match=kept is not None)
-        return fit_vectors(vectors, _compared_frames(images, factor)) if factor.denominator == 1 else vectors
+        compared = _compared_frames(images, factor) if factor.denominator == 1 else ()
+        vectors = fit_vectors(vectors.matched(numbers, must_match=kept is not None), compared)
+        remarks.take(vectors.remarks)
+        return vectors
 
     return interpolator.with_vectors(matched)
 
@@ -354,16 +360,19 @@ def _describe_silence(begin: Fraction, end: Fraction, reasons: Sequence[str]) ->
 
 
 def _adapt_audio(
-    encoding: Encoding, stream: StreamInfo, timing: Timing, curve: TimeMap | None, path: str
-) -> tuple[Encoding, list[str]]:
-    """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
+    encoding: Encoding, stream: StreamInfo, timing: Timing, curve: TimeMap | None, path: str, remarks: Remarks
+) -> Encoding:
+    """Drop the audio of slow motion unless it is to be stretched; add a remark if audio is lost."""
     video = stream.video
     name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
     if curve is not None and curve.sounding and timing.slow_motion_sound != "drop":
         passages = ", ".join(_describe_silence(*each) for each in curve.silences)
-        return encoding, [f"{path} has no sound {passages}."] if name is not None and passages else []
+        if name is not None and passages:
+            remarks.add("silent-passages", name=path, passages=passages)
+        return encoding
     is_kept = timing.stretch == 1 or timing.slow_motion_sound == "stretch"
     if not encoding.audio or (curve is None and is_kept):
-        return encoding, []
-    lost = f"{name} has sound, which {'slow motion' if curve is None else 'the retime curve'} leaves out."
-    return replace(encoding, audio=False, audio_codec=None), [lost] * (name is not None)
+        return encoding
+    if name is not None:
+        remarks.add("sound-left-out", name=name, cause="slow motion" if curve is None else "the retime curve")
+    return replace(encoding, audio=False, audio_codec=None)

@@ -1,32 +1,29 @@
 """Properties of a clip, and of a conversion of it with the default options, as plain data."""
 
-import re
 import statistics
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, Self
 
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame
-from fpsboost.contracts import FrameSource, HasDetails
-from fpsboost.errors import FpsboostError, OutputError
+from fpsboost.contracts import FrameSource
+from fpsboost.errors import FpsboostError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.animation import is_animation
-from fpsboost.io.opening import Target, TargetRequirements, open_source
+from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import Look, OutputTiming, StreamFacts, list_streams, look_of
+from fpsboost.media import Look, OutputTiming, StreamFacts, list_streams, look_of, try_out
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair, with_neighbours
 from fpsboost.preparation import Preparation
+from fpsboost.remarks import Remarks
 from fpsboost.repair import find_damaged
 from fpsboost.streaming import positions_of
 from fpsboost.timing.options import Timing
@@ -46,8 +43,8 @@ class Conversion:
     """Nominal frames per second of the output."""
     refused: str | None
     """Reason why a conversion to an .mp4 would be refused; None if it would not."""
-    remarks: list[str]
-    """Remarks on what would be lost."""
+    remarks: Remarks
+    """What would be lost."""
 
 
 @dataclass(frozen=True)
@@ -95,16 +92,9 @@ class Probe:
     """Numbers of single frames that no neighbour explains, from 0; see `fpsboost.repair.find_damaged`."""
     interlaced: int
     """Number of frames flagged as interlaced."""
-    remarks: list[str]
+    remarks: Remarks
+    """What a conversion would lose or assume when it reads the clip, and what is damaged."""
     conversion: Conversion
-
-    @classmethod
-    def from_json(cls, data: dict[str, Any]) -> Self:
-        """Return what `dataclasses.asdict` has made of it, perhaps on its way through JSON."""
-        look = data["look"] and Look(**data["look"])
-        streams = [StreamFacts(**each) for each in data["streams"]]
-        conversion = Conversion(**data["conversion"])
-        return cls(**{**data, "look": look, "streams": streams, "conversion": conversion})
 
 
 @dataclass
@@ -202,12 +192,12 @@ def probe(
         except FpsboostError as error:
             schedule = Timing(keep_timing=True).schedule(source.info, has_clock=has_clock)
             refused = str(error)
-        losses: list[str] = []
+        losses = Remarks()
         if beside.video is not None and refused is None:
             timing = OutputTiming(schedule.rate(source.info.rate), schedule.time_base(source.info.time_base))
             try:
-                losses = before_writing(Output("out.mp4", source.info, timing, beside))[1]
-            except OutputError as error:
+                losses.take(try_out(Output("out.mp4", source.info, timing, beside))[1])
+            except FpsboostError as error:
                 refused = str(error)
         findings = Findings()
         cuts = findings.cuts(source, methods["nlm"])
@@ -248,57 +238,25 @@ def probe(
             loops=findings.loops,
             damaged=findings.damaged,
             interlaced=findings.interlaced,
-            remarks=list(map(as_prospect, source.remarks)),
+            remarks=Remarks(source.remarks).expected,
             conversion=Conversion(
                 count_frames(schedule, counted, holds_last_frame=has_clock) or 0,
                 float(schedule.rate(info.rate)),
                 refused,
-                losses,
+                losses.expected,
             ),
         )
 
 
-class _AbortSinkError(Exception):
-    """Exception that leaves a sink without writing."""
+def expected_losses(ready: Preparation) -> tuple[list[str], Remarks]:
+    """Return the encoder and pixel format of a prepared conversion to video, and what its output would lose.
 
-
-def before_writing(output: Output) -> tuple[str, list[str]]:
-    """Return how a video would be encoded and remarks on what it would lose, by opening a temporary one.
-
-    Raises `OutputError` if it cannot be written.
-    """
-    details = ""
-    remarks = list[str]()
-    name = Path(output.path).name
-    with TemporaryDirectory() as folder:
-        path = str(Path(folder) / name)
-        try:
-            sink = Target.parse(path).open(replace(output, path=path))
-            with suppress(_AbortSinkError), sink:
-                details = sink.details if isinstance(sink, HasDetails) else ""
-                remarks = sink.remarks
-                raise _AbortSinkError
-        except FpsboostError as error:
-            raise OutputError(str(error).replace(path, name)) from error
-    return details.removeprefix(f"{path}: "), [as_prospect(remark.replace(path, name)) for remark in remarks]
-
-
-def expected_losses(ready: Preparation) -> tuple[str, list[str]]:
-    """Return how a prepared conversion would encode video, and remarks on what its output would lose.
-
-    Raises `OutputError` if the output cannot be written.
+    Raises `OptionError` or `OutputError` if the output cannot be written.
     """
     sink = ready.target.open(ready.output)
-    details = ""
-    losses = list[str]()
+    remarks = Remarks([*ready.clip.source.remarks, *ready.remarks, *sink.remarks])
+    coding = list[str]()
     if ready.target.kind == "video":
-        details, losses = before_writing(ready.output)
-    remarks = [*ready.clip.source.remarks, *ready.remarks, *sink.remarks, *losses]
-    return details, list(dict.fromkeys(map(as_prospect, remarks)))
-
-
-def as_prospect(remark: str) -> str:
-    """Return a remark on what a conversion has done as one on what it would do."""
-    remark = re.sub(r"\b(was|were) (?=left out|taken|written)|(?<=; )(?=left out\.)", "would be ", remark)
-    remark = re.sub(r"\blost (?=(?:the|tags|closed|of stream)\b)", "would lose ", remark)
-    return re.sub(r"\bholds (?=stream \d)", "would hold ", remark)
+        coding, losses = try_out(ready.output)
+        remarks.take(losses)
+    return coding, remarks.expected

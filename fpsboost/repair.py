@@ -8,6 +8,7 @@ from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.pair import triplewise
+from fpsboost.remarks import Remarks
 from fpsboost.timing.position import MAX_RUN, TOO_LONG, Replacement, as_ranges
 
 SHARE = 0.78
@@ -59,7 +60,7 @@ def _bands(matched: np.ndarray) -> np.ndarray:
 
 
 def group_replaced(
-    frames: Iterable[SourceFrame], replacement: Replacement, remarks: list[str], *, begins_clip: bool = True
+    frames: Iterable[SourceFrame], replacement: Replacement, remarks: Remarks, *, begins_clip: bool = True
 ) -> Iterator[tuple[SourceFrame, ...]]:
     """Group each good frame with the frames to be replaced that follow it.
 
@@ -81,14 +82,14 @@ def group_replaced(
                 raise InputError(f"`replace` has more frames in a row up to {number}, and {TOO_LONG}.")
             continue
         if is_replaced and begins_clip:
-            remarks.append(f"Frame {number} has no good one before it and was kept as it is.")
+            remarks.add("frame-without-good-before", number=number)
         if group:
             yield tuple(group)
         group = [frame]
     yield from zip(group)
     if group[1:]:
         kept = as_ranges(range(number - len(group) + 2, number + 1))
-        remarks.append(f"No good frame comes after {kept}, at the end, which was kept as it is.")
+        remarks.add("frames-without-good-after", numbers=kept)
     behind = [] if end is None else replacement.behind(number, end)
     if behind:
-        remarks.append(f"The last frame is {number}, and `replace` has {', '.join(behind)} behind it.")
+        remarks.add("replace-behind-end", number=number, behind=", ".join(behind))

@@ -116,7 +116,7 @@ def run_conversion(
             summary.frames_out += 1
             summary.seconds = time.perf_counter() - begin
             observer.wrote(summary)
-    summary.remarks += [*source.remarks, *sink.remarks]
+    summary.remarks.take([*source.remarks, *sink.remarks])
     summary.details = sink.details if isinstance(sink, HasDetails) else ""
     return summary
 
@@ -329,10 +329,7 @@ class _Loop:
         apart = interval.pair.apart
         end = interval.following.position.seconds
         if interval.scene_cut and apart * self.timeline.info.rate >= LONG and len(summary.remarks) < MOST_NOTED:
-            summary.remarks.append(
-                f"A scene seems to end between {format_time(end - apart)} and {format_time(end)}, so that no motion is "
-                "followed there; if it goes on, use `no_cuts`."
-            )
+            summary.remarks.add("cut-in-long-pair", begin=format_time(end - apart), end=format_time(end))
 
     def averaged(self, samples: Iterator[MadeFrame]) -> Iterator[MadeFrame]:
         """Yield the mean of each output frame's samples that show its scene; frames without samples as they are.

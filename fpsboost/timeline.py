@@ -238,7 +238,7 @@ class Timeline:
         self.end = nominal if nominal > last.time else end
         if self.curve is not None and not self.curve.is_open:
             if self.start + self.curve.top > self.end:
-                self.summary.remarks.append(f"{info.name} ended before the retime curve, which held its last frame.")
+                self.summary.remarks.add("retime-behind-end", name=info.name)
             self.end = max(self.end, self.start + self.curve.top + 1)
             holds_last_frame = True
         for step in self.schedule.steps(self.index, self.start, last.time, self.end):

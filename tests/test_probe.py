@@ -9,6 +9,7 @@ import pytest
 
 from fpsboost import InputError, OptionError, convert
 from fpsboost.cli.probe import facts
+from fpsboost.parts.manifest import from_json
 from fpsboost.probing import Probe, probe
 from support.animation_truth import disc, write_animation
 from support.held_frames import CADENCES, encode, held, pan
@@ -57,9 +58,8 @@ def test_what_is_refused_or_lost_is_said_beforehand(tmp_path):
     found = probe(str(clip))
     summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest")
     assert found.conversion.refused is None
-    said = [remark.replace(str(tmp_path / "out.mp4"), "out.mp4") for remark in summary.remarks]
-    assert "less depth" in said[0]
-    assert found.conversion.remarks == said
+    assert "has less depth" in summary.remarks[0]
+    assert found.conversion.remarks == [summary.remarks[0].about(str(tmp_path / "out.mp4"), "out.mp4").expected]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mkv", "out.mp4"]
 
 
@@ -142,7 +142,7 @@ def test_json(fpsboost_, tmp_path):
     result = fpsboost_("probe", "in.mp4", "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
-    assert Probe.from_json(data) == probe(str(Path("in.mp4")))
+    assert from_json(Probe, data) == probe(str(Path("in.mp4")))
     assert (data["duplicates"], data["frames"], data["streams"][0]["codec"]) == (10, 16, "h264")
 
 

@@ -31,6 +31,7 @@ from fpsboost import __version__
 from fpsboost.cli import stop_signals
 from fpsboost.cli.messages import (
     LibraryTexts,
+    as_objects,
     console,
     keep_columns_readable,
     library_texts,
@@ -71,6 +72,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.media import discard_unfinished
 from fpsboost.memory import address_space, limit_free_memory
+from fpsboost.remarks import Remarks
 from fpsboost.run_options import RunOptions
 from fpsboost.threads import one_opencv_thread
 from fpsboost.timing.options import Timing
@@ -192,7 +194,7 @@ def convert(
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
-    announced = list[str]()  # the remark on the last image, which is printed once for several inputs
+    announced = Remarks()  # the remark on the last image, which is printed once for several inputs
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
@@ -217,7 +219,7 @@ def convert(
             reporter.say_settings(motion.method, interpolator)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
         if job.target(run_options).kind == "images" and not run_options.in_place and not announced:
-            announced.extend(batch.last_image_remarks(summary.frames_in, summary.frames_out, timing.multiple))
+            batch.remark_on_last_image(announced, summary.frames_in, summary.frames_out, timing.multiple)
             summary.remarks += announced
         reporter.say_summary(summary, in_place=run_options.in_place)
 
@@ -389,7 +391,7 @@ def run_command(texts: LibraryTexts) -> None:
             address_space()  # raises an error if too little, which libraries do not report when they are loaded
             execute(tokens)
         if texts.sentence() and in_json:
-            print_object(remarks=[texts.sentence()])
+            print_object(remarks=as_objects(Remarks([texts.sentence()])))
         elif texts.sentence() and not quiet:
             errors.print(f"Note: {literal(texts.sentence())}")
     except KeyboardInterrupt as stopped:

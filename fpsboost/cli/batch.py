@@ -17,6 +17,7 @@ from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.source import is_pattern, pictures_in
 from fpsboost.io.opening import PIPES
 from fpsboost.preparation import OUTPUT_SUFFIXES, name_in_folder
+from fpsboost.remarks import Remarks
 
 Convert = Callable[[str, str | None, str], None]
 """Function that converts an input to an output, None for beside it; the third text numbers it, such as ``2/5``."""
@@ -50,14 +51,10 @@ def is_pair(inputs: Sequence[str]) -> bool:
     return bool(pair) and not any(map(is_animation, pair))
 
 
-def last_image_remarks(frames_in: int, frames_out: int, multiple: Fraction) -> list[str]:
-    """Return the remark that explains why images are fewer than the factor suggests; empty if they are not."""
-    if multiple == 1 or frames_out != (frames_in - 1) * multiple + 1:
-        return []
-    return [
-        f"{frames_in} frames give {frames_out} images and not {frames_in * multiple}, because nothing follows the last "
-        "one; a video shows its last frame as long as the others."
-    ]
+def remark_on_last_image(remarks: Remarks, frames_in: int, frames_out: int, multiple: Fraction) -> None:
+    """Add the remark that explains why images are fewer than the factor suggests, if they are."""
+    if multiple != 1 and frames_out == (frames_in - 1) * multiple + 1:
+        remarks.add("last-image", frames=frames_in, images=frames_out, expected=frames_in * multiple)
 
 
 def check_ending(input: str, output: str) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import replace
 from fractions import Fraction
 
 from rich.console import Console
 
-from fpsboost.cli.batch import last_image_remarks
+from fpsboost.cli.batch import remark_on_last_image
 from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
@@ -19,7 +18,7 @@ from fpsboost.media import counted, list_streams
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
-from fpsboost.probing import as_prospect, expected_losses
+from fpsboost.probing import expected_losses
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.options import Timing, readable
 from fpsboost.timing.position import Position, format_time
@@ -52,7 +51,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         raise OptionError("A pipe can be read only once, and --dry-run tries passages of the clip; name files.")
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
-        details, remarks = expected_losses(ready)
+        coding, remarks = expected_losses(ready)
         source = ready.clip.source.info
         output = ready.output
         is_images = ready.target.kind == "images"
@@ -61,12 +60,13 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         if frames is None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
             frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images or job.timing.loop)
-        kept, (places, length) = _kept(ready, remarks), _places(ready, source)
+        kept = _kept(ready, {remark.values.get("lost_stream") for remark in remarks})
+        places, length = _places(ready, source)
     made = [output.path, *([] if frames is None else [counted(frames, "frame")])]
     if ready.target.has_rate:
         made[-1] += f"{',' if frames is None else ' at'} {readable(rate)} fps"
         made += [] if frames is None else [format_time(frames / rate)]
-    made += filter(None, details.split(", ")[:2])
+    made += coding
     duration = "" if source.duration is None else f", {format_time(source.duration)}"
     duration = duration if source.frame_count is None else f", {counted(source.frame_count, 'frame')}"
     rows = {
@@ -86,7 +86,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
                 tried = replace(tried, timing=replace(job.timing, duplicates="keep", gaps=None, factor=factor))
             run = RunOptions(limit=run.limit, threads=run.threads)
             trial = preview(tried, {"": job.method}, run, at=places, length=length)
-        remarks += map(as_prospect, trial.remarks)
+        remarks.take(trial.remarks.expected)
         rows["takes"] = estimate_sentence(frames, trial.seconds_per_frame[""])
         rows["size"] = _size(trial, added) + ", other streams not counted" * bool(kept)
         rows["tried"] = f"{sum(each.frames for each in trial.trials[''])} frames, for time and size"
@@ -94,23 +94,21 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     console = Console(highlight=False)
     console.print(f"[bold]{literal(str(job.input))}[/]", table, sep="\n")
     if is_images:
-        remarks += last_image_remarks(source.frame_count or 0, frames or 0, job.timing.multiple)
-    for remark in dict.fromkeys(remarks):
+        remark_on_last_image(remarks, source.frame_count or 0, frames or 0, job.timing.multiple)
+    for remark in remarks:
         console.print(f"[yellow]Note:[/] {sentence(remark)}", soft_wrap=True)
     console.print("Nothing was written.")
 
 
-def _kept(ready: Preparation, remarks: Sequence[str]) -> list[str]:
-    """Return the streams beside the pictures that a video keeps."""
+def _kept(ready: Preparation, lost: Collection[object]) -> list[str]:
+    """Return the streams beside the pictures that a video keeps; `lost` are numbers of those that it cannot hold."""
     file = ready.clip.whole.stream_info.video
     encoding = ready.output.encoding
     kept = list[str]()
-    lost = " ".join(remark for remark in remarks if "left out" in remark)
     wanted = {"audio": encoding.audio, "subtitle": encoding.subtitles}
     for stream in list_streams(file) if file is not None and ready.target.kind == "video" else ():
         is_asked = encoding.streams is None or stream.index in encoding.streams or stream.kind not in wanted
-        is_lost = re.search(rf"stream {stream.index}\b" + r"|cover picture" * (stream.kind == "cover"), lost)
-        if stream.kind in NAMES and is_asked and wanted.get(stream.kind, True) and not is_lost:
+        if stream.kind in NAMES and is_asked and wanted.get(stream.kind, True) and stream.index not in lost:
             language = f" ({stream.language})" if stream.language not in (None, "und") else ""
             kept.append(f"{stream.codec or stream.title or ''} {NAMES[stream.kind]}{language}".strip())
     return kept

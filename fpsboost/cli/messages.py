@@ -14,7 +14,7 @@ import sys
 import tempfile
 import traceback
 import unicodedata
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from io import BytesIO, TextIOWrapper
@@ -29,6 +29,7 @@ from rich.text import Text
 import fpsboost
 from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
+from fpsboost.media import Remark
 from fpsboost.timing.options import readable
 from fpsboost.timing.position import as_ranges, format_time
 
@@ -68,6 +69,11 @@ def literal(text: str) -> str:
 def sentence(text: str) -> str:
     """Return a message of the library with flags in place of the options that it names, escaped like `literal`."""
     return literal(in_flags(text))
+
+
+def as_objects(remarks: Iterable[Remark]) -> list[dict[str, object]]:
+    """Return remarks as objects for JSON, with flags in place of the options that sentences name."""
+    return [{**remark.data, "sentence": in_flags(remark)} for remark in remarks]
 
 
 def fact_table(facts: Mapping[str, str], title: str | None = None) -> Table:
@@ -367,7 +373,7 @@ class JsonReporter(ExitStack):
                 "time": round(float(lowest.time), 6),
                 "match_score": round(lowest.match_score, 4),
             },
-            "remarks": [in_flags(remark) for remark in summary.remarks],
+            "remarks": as_objects(summary.remarks),
         }
         self._print("done", fps=_speed(summary), done=True, output=self._output, **results)
 
@@ -385,7 +391,7 @@ def reporter_of(output: str, messages: MessageOptions, place: str = "") -> Repor
 
 def print_object(**values: Any) -> None:
     """Print a JSON object on one line of standard error."""
-    sys.stderr.write(json.dumps(values) + "\n")
+    sys.stderr.write(json.dumps(values, default=str) + "\n")
     sys.stderr.flush()
 
 

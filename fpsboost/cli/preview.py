@@ -20,6 +20,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
 from fpsboost.options import words_of_options
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
+from fpsboost.remarks import Remarks
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.options import Timing
 
@@ -73,7 +74,7 @@ def preview(
             at=options.at,
             on_task=lambda task: status.update(literal(task)),
         )
-        result.remarks = [in_flags(remark) for remark in result.remarks]
+        result.remarks = Remarks(in_flags(each) for each in result.remarks)
         status.update("writing the page")
         words = ["fpsboost", input, output, *words_of_options(motions[0], decoding, timing, cuts)]
         write_page(place, result, shlex.join(words), overwrite=options.overwrite)

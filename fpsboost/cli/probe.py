@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json as plain
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
-from fpsboost.cli.messages import fact_table, literal
+from fpsboost.cli.messages import as_objects, fact_table, literal, sentence
 from fpsboost.cli.options import PathName, in_flags
 from fpsboost.errors import rounded
 from fpsboost.timing.position import as_ranges
@@ -55,26 +55,22 @@ def probe(
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):
         result = run(input, rate, stream, allow_playlists=allow_playlists)
-    result = replace(
-        result,
-        remarks=[in_flags(remark) for remark in result.remarks],
-        conversion=replace(
-            result.conversion,
-            refused=result.conversion.refused and in_flags(result.conversion.refused),
-            remarks=[in_flags(remark) for remark in result.conversion.remarks],
-        ),
-    )
     if json:
-        print(plain.dumps(asdict(result), indent=1))
+        refused = result.conversion.refused
+        values = asdict(result)
+        values["remarks"] = as_objects(result.remarks)
+        values["conversion"]["remarks"] = as_objects(result.conversion.remarks)
+        values["conversion"]["refused"] = refused and in_flags(refused)
+        print(plain.dumps(values, indent=1, default=str))
         return
     console = Console(highlight=False)
     console.width = min(console.width, MAX_WIDTH)
     console.print(f"[bold]{literal(result.name)}[/]")
     if result.streams:
         console.print(stream_table(result.streams))
-    console.print(fact_table({name: literal(value) for name, value in facts(result).items()}))
+    console.print(fact_table({name: sentence(value) for name, value in facts(result).items()}))
     for remark in [*result.remarks, *result.conversion.remarks]:
-        console.print(f"[yellow]Note:[/] {literal(remark)}")
+        console.print(f"[yellow]Note:[/] {sentence(remark)}")
 
 
 def stream_table(streams: list[StreamFacts]) -> Table:

@@ -61,10 +61,7 @@ def convert_where(where: ClusterOptions, job: fpsboost.ConversionJob, run: fpsbo
     with dask_engine.remote_client(where.cluster) as client:
         summary = dask_engine.convert(job, client, run=run)
     if re.match(r"tcp://(?!localhost:|127\.|\[::1\])", where.cluster):
-        summary.remarks.append(
-            f"The connection to {where.cluster} was not encrypted, and who reaches that port can run programs on the "
-            "workers; use tls:// with the certificates of Dask's configuration."
-        )
+        summary.remarks.add("not-encrypted", address=where.cluster)
     return summary
 
 

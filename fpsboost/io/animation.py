@@ -37,6 +37,7 @@ from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.ycc import straight_16_bit
 from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, counted, measure_rate, missing_codecs
 from fpsboost.memory import MemoryLimit
+from fpsboost.remarks import Remarks
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage  # whoever reads no animation does not wait for Pillow
@@ -125,16 +126,14 @@ class AnimationSource(ClosesOnExit):
         if not self._delays:
             raise InputError(f"{path} is damaged or no animation; replace it.")
         profile = image.info.get("icc_profile", b"")
-        colours, untaggable = colours_of(Path(path), ImageMetadata(profile, chunks=tuple(png_chunks(Path(path)))))
-        frames = counted(len(self._delays), "frame")
-        said = {
-            **dict.fromkeys(untaggable, True),
-            f"{path} has 16 bits per channel, of which 8 were read.": data.startswith(PNG_SIGNATURE) and data[24] == 16,
-            f"{path} is damaged or ends early; {frames} could be decoded and were converted.": not is_whole,
-            f"{path} has transparent parts, which the output cannot hold; they were laid over white.": self._has_alpha
-            and not keeps_alpha,
-        }
-        self.remarks = [remark for remark, is_due in said.items() if is_due]
+        self.remarks = Remarks()
+        colours = colours_of(self.remarks, Path(path), ImageMetadata(profile, chunks=tuple(png_chunks(Path(path)))))
+        if data.startswith(PNG_SIGNATURE) and data[24] == 16:
+            self.remarks.add("eight-bits-read", name=path)
+        if not is_whole:
+            self.remarks.add("animation-damaged", name=path, frames=counted(len(self._delays), "frame"))
+        if self._has_alpha and not keeps_alpha:
+            self.remarks.add("alpha-over-white", name=path)
         self.plays = _plays_of(image)
         self.stream_info = StreamInfo(colours=colours, plays=self.plays, files=[Path(path)])
         per_second = 100 if self._format == "GIF" else 1000
@@ -515,7 +514,9 @@ class AnimationSink(StagedSink):
         colours = output.stream.traits or output.stream.colours
         self._code_points = colours.code_points
         lost = " and the ".join(word for word in colours.beyond_sdr if not self._type.has_tags or word == MASTERING)
-        self._losses = [f"{self._name} cannot say the {lost} of its source; left out."] * bool(lost)
+        self._losses = Remarks()
+        if lost:
+            self._losses.add("not-said-in-animation", name=self._name, what=lost)
 
     def _check_fits(self, rate: Fraction) -> None:
         """Raise `OutputError` if the type cannot hold the size or the rate, or FFmpeg lacks its encoder."""
@@ -540,20 +541,19 @@ class AnimationSink(StagedSink):
             )
 
     @property
-    def remarks(self) -> list[str]:
-        """Sentences about losses so far: colour tags, depth, short frames, and frames that come late."""
-        suffix = self._path.suffix.lower()
-        shortest = self._type.shortest
+    def remarks(self) -> Remarks:
+        """Remarks on losses so far: colour tags, depth, short frames, and frames that come late."""
+        remarks = Remarks(self._losses)
+        file_type = self._path.suffix.lower()
         before, last = [0, 0, *self._ticks][-2:]
-        late = {
-            f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because {suffix} cannot "
-            f"show one for less than {float(shortest * 1000):.3g} ms.": self._latest >= shortest,
-            f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less for "
-            "them.": any(ticks * self._tick <= BROWSERS_SLOW_DOWN for ticks in self._ticks),
-            f"{self._name} shows its last frame as long as the one before, and not for its own time; write a .webp to "
-            "keep that.": suffix == ".apng" and 2 * abs(before - last) > before > 0,
-        }
-        return [*self._losses, *(remark for remark, is_due in late.items() if is_due)]
+        if self._latest >= self._type.shortest:
+            late, shortest = (float(time * 1000) for time in (self._latest, self._type.shortest))
+            remarks.add("frames-late", name=self._name, late=late, file_type=file_type, shortest=shortest)
+        if any(ticks * self._tick <= BROWSERS_SLOW_DOWN for ticks in self._ticks):
+            remarks.add("frames-slowed-by-browsers", name=self._name)
+        if file_type == ".apng" and 2 * abs(before - last) > before > 0:
+            remarks.add("last-frame-as-before", name=self._name)
+        return remarks
 
     def __enter__(self) -> Self:
         """Create the hidden file that is renamed at the end, and open its muxer; `OutputError` if it cannot be made."""
@@ -597,8 +597,7 @@ class AnimationSink(StagedSink):
     def _lose(self, what: str) -> None:
         """Remark, once, on a property of the frames that the type cannot hold."""
         bits = "16 bits" if self._type.is_deep else "8 bits; write an .apng to keep it"
-        remark = f"{self._name} lost {what}, because {self._path.suffix.lower()} holds {bits}."
-        self._losses += {remark}.difference(self._losses)
+        self._losses.add("depth-lost", name=self._name, what=what, file_type=self._path.suffix.lower(), bits=bits)
 
     def _finish(self) -> None:
         """Write the end, read the file back and give it its name; `OutputError` without frames or if it is damaged."""

@@ -25,7 +25,6 @@ from .facts import look_of as look_of
 from .frame_index import EntryPoint as EntryPoint
 from .frame_index import FrameIndex as FrameIndex
 from .frame_rate import ASSUMED_RATE as ASSUMED_RATE
-from .frame_rate import assumed_rate_remark as assumed_rate_remark
 from .frame_rate import measure_rate as measure_rate
 from .info import FOREVER as FOREVER
 from .info import ClipInfo as ClipInfo
@@ -59,10 +58,9 @@ from .pyav import ffmpeg_version as ffmpeg_version
 from .pyav import missing_codecs as missing_codecs
 from .pyav import pulled as pulled
 from .pyav import pyav_version as pyav_version
+from .remarks import Remark as Remark
+from .remarks import Remarks as Remarks
 from .remarks import counted as counted
-from .remarks import interlaced_remark as interlaced_remark
-from .remarks import lost_companions_remark as lost_companions_remark
-from .remarks import lost_shape_remark as lost_shape_remark
 from .safe_files import check_folder as check_folder
 from .safe_files import check_writable as check_writable
 from .safe_files import move_all as move_all
@@ -101,3 +99,4 @@ from .writer import PartWriter as PartWriter
 from .writer import Writer as Writer
 from .writer import create as create
 from .writer import explained_writing as explained_writing
+from .writer import try_out as try_out

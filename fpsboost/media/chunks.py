@@ -27,6 +27,7 @@ from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
 from fpsboost.media.other_streams import MOVIE_CLOCK, OtherStreams
 from fpsboost.media.pyav import REFUSALS, Packet
+from fpsboost.media.remarks import Remarks
 from fpsboost.media.safe_files import rename_safely, sync
 from fpsboost.media.traits import VideoTraits
 
@@ -207,8 +208,8 @@ class Assembly:
                 self._others.copy_cover()
 
     @property
-    def remarks(self) -> list[str]:
-        return self._others.remarks if self._others else []
+    def remarks(self) -> Remarks:
+        return self._others.remarks if self._others else Remarks()
 
     def finish(self, chunks: Sequence[Chunk]) -> None:
         """Mux all chunks and the other streams, close the file, sync it to disk and read it back.

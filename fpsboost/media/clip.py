@@ -17,10 +17,10 @@ import av
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.media.clock import VideoClock, in_rising_order, survey
-from fpsboost.media.demuxer import Demuxer, VideoFile, is_fragmented, is_raw, left_out_remarks, read_packets
+from fpsboost.media.demuxer import Demuxer, VideoFile, is_fragmented, is_raw, read_packets, remark_on_others
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
-from fpsboost.media.frame_rate import assumed_rate_remark, measure_rate, nominal_rate
+from fpsboost.media.frame_rate import ASSUMED_RATE, measure_rate, nominal_rate
 from fpsboost.media.info import ClipInfo
 from fpsboost.media.opening import open_video
 from fpsboost.media.output import StreamInfo
@@ -29,10 +29,10 @@ from fpsboost.media.pixels import has_alpha
 from fpsboost.media.pyav import as_fraction
 from fpsboost.media.remarks import (
     Damage,
+    Remarks,
     counted,
     dolby_vision_sentence,
     encrypted_sentence,
-    lost_alpha_remark,
 )
 from fpsboost.media.reorder_buffer import MAX_REORDERED
 from fpsboost.media.side_data import read_header
@@ -115,7 +115,7 @@ class Clip:
         Size, frame rate and length by the headers; the size becomes that of the first picture when it is decoded.
     file : VideoFile
         The file, whose other streams a writer can carry over.
-    remarks : list of str
+    remarks : Remarks
         What was lost, damaged or assumed so far.
     frame_index : FrameIndex or None
         List of the pictures, once `frame_times` has made it; that of another clip of the same file may be set before.
@@ -133,7 +133,7 @@ class Clip:
         self._name = os.fspath(path)
         self.path = Path(path)
         self._reading = reading
-        self.remarks: list[str] = []
+        self.remarks = Remarks()
         self._demuxer = Demuxer(
             self.path, self._name, reading.stream, playlists=reading.allow_playlists, threads=reading.threads
         )
@@ -168,27 +168,23 @@ class Clip:
         width = context.width - left - right
         height = context.height - top - bottom
         if self._header.crop is not None:
-            self.remarks.append(
-                f"{self._name} shows {width}x{height} of its {context.width}x{context.height} pixels and was cropped "
-                "to that."
-            )
+            coded = f"{context.width}x{context.height}"
+            self.remarks.add("cropped", name=self._name, shown=f"{width}x{height}", coded=coded)
         with open_video(self.path, self._name, playlists=self._reading.allow_playlists) as file:
             times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
         measured = None if tick is None else measure_rate(times, tick)
-        self.remarks += left_out_remarks(self._demuxer.container, stream, self._name)
+        remark_on_others(self.remarks, self._demuxer.container, stream, self._name)
         if ORDER in unread_of_chapters(self._demuxer.container):
-            self.remarks.append(
-                f"{self._name} has ordered chapters, which players may show in another order; frames were taken as "
-                "they lie in it."
-            )
+            self.remarks.add("ordered-chapters", name=self._name)
         raw = is_raw(self._demuxer.container)
         said_rate, rate_is_known = nominal_rate(stream, measured, raw=raw)
         coded_rate = self._reading.input_fps or said_rate
         if self._reading.input_fps and rate_is_known and not raw:
             raise OptionError(f"`input_fps` is for images and raw streams; {self._name} says its own frame rate.")
         if not self._reading.input_fps and not rate_is_known:
-            self.remarks.append(assumed_rate_remark(self._name, "; pass `input_fps` to set it"))
+            advice = "; pass `input_fps` to set it"
+            self.remarks.add("rate-assumed", name=self._name, rate=ASSUMED_RATE, advice=advice)
         tick = 1 / (2 * coded_rate) if raw else tick or 1 / coded_rate
         fields = 2 if self._reading.deinterlace else 1
         self._clock = VideoClock(
@@ -246,7 +242,7 @@ class Clip:
             self._reading.check_size(self._name, picture.width, picture.height)
             self.info = replace(self.info, width=picture.width, height=picture.height)
             if has_alpha(picture.format.name) and not self._reading.keeps_alpha:
-                self.remarks.append(lost_alpha_remark(self._name))
+                self.remarks.add("alpha-left-out", name=self._name)
             traits = read_traits(
                 picture, self._demuxer.stream, self._reformatter, self._name, self._header.dolby_vision
             )
@@ -254,7 +250,7 @@ class Clip:
                 self._refused = dolby_vision_sentence(self._name)
                 if not self._reading.force_colours:
                     raise InputError(self._refused)
-                self.remarks.append(f"{self._name} is Dolby Vision whose colours were taken for ordinary ones: wrong.")
+                self.remarks.add("colours-wrong", name=self._name)
             stops = self._reading.size_change == "stop"
             aspect = self._pictures.aspect_of(picture)
             self._unifier = FormatUnifier(self._name, (picture.width, picture.height), traits, stops, aspect)
@@ -302,11 +298,11 @@ class Clip:
             if end is None:  # `traits` has decoded a frame, and the first one is never left out
                 raise InputError(f"{self._name} has ended before frame {self._dropped}; begin at an earlier one.")
         finally:  # also where not all of the clip was asked for
-            self.remarks += self._pictures.interlacing_remarks()
+            self._pictures.remark_on_interlacing()
             self.remarks += unifier.remarks()
             self.remarks += damage.remarks(self._name, count)
         if self._demuxer.clear is None:
-            self.remarks += clock.early_end_remarks(self._name, end, count, self.info.frame_count)
+            clock.remark_on_early_end(self.remarks, self._name, end, count, self.info.frame_count)
 
     def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
         """Yield pictures in the first one's format with their times in seconds, which may not increase yet."""
@@ -391,7 +387,7 @@ class Clip:
         self._reopen()
         self._dropped = number
         if reason is not None:
-            self.remarks.append(f"{self._name} was read from its beginning, because {reason}.")
+            self.remarks.add("read-from-beginning", name=self._name, reason=reason)
 
     @property
     def _is_indexed(self) -> bool:

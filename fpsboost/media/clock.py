@@ -16,7 +16,7 @@ from av.container import InputContainer
 
 from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
 from fpsboost.media.pyav import as_fraction
-from fpsboost.media.remarks import Damage, counted
+from fpsboost.media.remarks import Damage, Remarks, counted
 from fpsboost.media.time_map import TimeMap
 
 T = TypeVar("T")
@@ -174,8 +174,8 @@ class VideoClock:
                 return end - time
         return duration
 
-    def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
-        """Return the remark that a file ends earlier than its header declares, at `end` after `count` frames."""
+    def remark_on_early_end(self, remarks: Remarks, name: str, end: Fraction, count: int, listed: int | None) -> None:
+        """Add a remark if a file ends earlier than its header declares, at `end` after `count` frames."""
         container = self.file.container
         declared = self._declared_end
         promised = Fraction(0)
@@ -191,13 +191,9 @@ class VideoClock:
             if whole - self.file.furthest > promised - reached:
                 promised = whole - self.start
                 reached = self.file.furthest - self.start
-        if promised - reached <= max(5 / self.rate, promised / 20):
-            return []
-        of_all = "" if listed is None else f" of {listed}"
-        return [
-            f"{name} ends after {float(reached):.1f} s of the {float(promised):.1f} s its header promises; "
-            f"{counted(count, 'frame')}{of_all} could be read."
-        ]
+        if promised - reached > max(5 / self.rate, promised / 20):
+            frames = counted(count, "frame") + ("" if listed is None else f" of {listed}")
+            remarks.add("ends-early", name=name, reached=float(reached), promised=float(promised), frames=frames)
 
     @property
     def _declared_end(self) -> Fraction | None:

@@ -20,7 +20,7 @@ from fpsboost.media.errors import EncryptedError, InputError, OptionError, undon
 from fpsboost.media.opening import boxes_of, open_video
 from fpsboost.media.pixels import NO_COLOUR_TAG
 from fpsboost.media.pyav import Packet
-from fpsboost.media.remarks import Damage, encrypted_sentence
+from fpsboost.media.remarks import Damage, Remarks, encrypted_sentence
 from fpsboost.media.transport_streams import clock_jumps, is_scrambled
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
@@ -211,13 +211,12 @@ def is_encrypted(packet: Packet) -> bool:
     return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
 
 
-def left_out_remarks(container: InputContainer, chosen: VideoStream, name: str) -> list[str]:
-    """Return the remarks on the video streams that are not read."""
+def remark_on_others(remarks: Remarks, container: InputContainer, chosen: VideoStream, name: str) -> None:
+    """Add a remark on the video streams that are not read, if there are any."""
     videos = [stream for stream in container.streams.video if not is_cover_art(stream) and stream.index != chosen.index]
-    if not videos:
-        return []
-    others = ", ".join(f"stream {_described(stream)}" for stream in videos)
-    return [f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}."]
+    if videos:
+        others = ", ".join(f"stream {_described(stream)}" for stream in videos)
+        remarks.add("videos-left-out", name=name, chosen=_described(chosen), others=others)
 
 
 def is_cover_art(stream: Stream) -> bool:

@@ -29,6 +29,7 @@ from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
 from fpsboost.media.pyav import Packet
+from fpsboost.media.remarks import Remarks
 from fpsboost.media.side_data import CAPTIONS, filtered, stereo_modes
 from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits
 
@@ -69,7 +70,8 @@ class VideoEncoder:
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
-        self.pixel_format, self.remarks = choose_pixel_format(output, encoder, traits.pixel_format)
+        self.remarks = Remarks()
+        self.pixel_format = choose_pixel_format(self.remarks, output, encoder, traits.pixel_format)
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx does not support hidden frames with alpha
         if encoder == "libx265" and output.info.width < MIN_CUTREE_WIDTH:
@@ -82,12 +84,9 @@ class VideoEncoder:
         lost = dict.fromkeys(said for kind, said in traits.side_data.items() if kind not in kept)
         shape = traits.sample_aspect_ratio
         if shape not in (None, 1) and not keeps_shape:
-            self.remarks.append(
-                f"{name} lost the pixel shape {shape} of its source, which {encoder} cannot say in this container; "
-                "write an .mp4 or .mov to keep it."
-            )
+            self.remarks.add("shape-lost", name=name, shape=shape, encoder=encoder)
         if lost:
-            self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source.")
+            self.remarks.add("side-data-lost", name=name, what=" and the ".join(lost))
         self.keeps_captions = CAPTIONS in kept
         self._null_output: OutputContainer | None = None
         self._stream: VideoStream | None = None
@@ -108,10 +107,7 @@ class VideoEncoder:
             kept.add("STEREO3D")
         elif is_passed and any(traits.stereo_mode == left_first for left_first, _ in stereo_modes.values()):
             kept.add("STEREO3D")
-            self.remarks.append(
-                f"{self._output.path} has the stereo mode of its source in its H.264 stream, where not every player "
-                "looks; an .mkv also has it in its container."
-            )
+            self.remarks.add("stereo-mode-in-stream", name=self._output.path)
         return kept
 
     @property
@@ -308,11 +304,13 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 """Pixel formats excluded as targets: palette, monochrome 1-bit, Bayer, float, and unequal channel depths."""
 
 
-def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str, list[str]]:
-    """Return the pixel format to encode, and remarks on losses.
+def choose_pixel_format(remarks: Remarks, output: Output, encoder: str, source: str) -> str:
+    """Return the name of the pixel format to encode, and add remarks on losses.
 
     Parameters
     ----------
+    remarks : Remarks
+        Remarks to add to.
     output : Output
         Output with the options of the user, of which a pixel format is taken or refused, not replaced. Images become
         4:2:0 unless lossless or deep, and RGB video unless lossless.
@@ -320,11 +318,6 @@ def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str,
         FFmpeg's encoder.
     source : str
         Pixel format of the source.
-
-    Returns
-    -------
-    tuple
-        Name of the pixel format, and a list of sentences.
 
     Raises
     ------
@@ -342,7 +335,7 @@ def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str,
     offered = pixel_formats(codec)
     wanted = encoding.pixel_format or source
     if not offered:
-        return wanted, []
+        return wanted
     fitting = offered
     if encoder_of(encoder).needs_whole_chroma:
         fitting = [each for each in offered if _divides(each, *size)]
@@ -352,10 +345,8 @@ def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str,
                 f"`pixel_format={wanted!r}` halves an odd size, which {encoder} cannot do for {name} at "
                 f"{size[0]}x{size[1]}; use yuv444p, or crop to an even size."
             )
-        is_rare = (
-            encoder_of(encoder) in encoders.values() and not encoding.lossless and _chroma_of(VideoFormat(wanted)) == 1
-        )
-        return wanted, [f"{name} was written as {wanted}, as asked for, which few players show."] if is_rare else []
+        _remark_if_rare(remarks, output, encoder, wanted)
+        return wanted
     is_deep = depth_of(source) > 8
     keeps_all = encoding.lossless or (codec.lossless and not codec.lossy)
     is_rgb_video = not of_images and _is_rgb(source) and "yuv420p" in offered
@@ -363,27 +354,34 @@ def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str,
         alpha = has_alpha(source) and encodes_alpha(encoding, container)
         wanted = ("yuva420p" if alpha else "yuv420p") + ("10le" if is_deep else "")
     if wanted in fitting:
-        is_told = is_rgb_video or (of_images and is_deep)
-        return wanted, _loss_remarks(name, encoder, wanted, source, exact=keeps_all) if is_told else []
+        if is_rgb_video or (of_images and is_deep):
+            _compare(remarks, name, encoder, wanted, source, exact=keeps_all)
+        return wanted
     keeps_alpha = encodes_alpha(encoding, container) and has_alpha(wanted)
     fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
     if keeps_all or (of_images and is_deep):
         deepest = _deepest(fitting, wanted, exact=keeps_all)
-        return deepest, _loss_remarks(name, encoder, deepest, source, exact=keeps_all)
+        _compare(remarks, name, encoder, deepest, source, exact=keeps_all)
+        return deepest
     best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
     if best is None:
         raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another `codec`.")
     plain = wanted.replace("yuvj", "yuv")
     lost = [word for flag, word in losses.items() if loss & flag][:1]
-    remarks = []
     if best.name != plain and {wanted, plain}.intersection(offered):
-        remarks.append(
-            f"{name} has the odd size {size[0]}x{size[1]} and was written as {best.name}, which few players "
-            "show; write a .webm, or crop to an even size."
-        )
+        remarks.add("odd-size", name=name, width=size[0], height=size[1], format=best.name)
     elif lost and best.name != plain:
-        remarks.append(f"{_loss_sentence(name, lost, encoder, best.name, wanted)}.")
-    return best.name, remarks
+        remarks.add(
+            "depth-or-colour-lost", name=name, what=lost[0], encoder=encoder, format=best.name, source=wanted, advice=""
+        )
+    return best.name
+
+
+def _remark_if_rare(remarks: Remarks, output: Output, encoder: str, asked: str) -> None:
+    """Add a remark on a pixel format that was asked for, if an encoder of films has it and few players do."""
+    is_usual = encoder_of(encoder) in encoders.values() and not output.encoding.lossless
+    if is_usual and _chroma_of(VideoFormat(asked)) == 1:
+        remarks.add("rare-format", name=output.path, format=asked)
 
 
 losses = {PixFmtLoss.DEPTH: "depth", PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION: "colour resolution"}
@@ -413,19 +411,16 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
     return max(offered, key=worth)
 
 
-def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> list[str]:
-    """Return the remark on depth and colour resolution that the chosen format lacks; empty if it lacks nothing."""
+def _compare(remarks: Remarks, name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> None:
+    """Add a remark on depth and colour resolution that the chosen format lacks, if it lacks any."""
     finer = _chroma_of(VideoFormat(source)) > _chroma_of(VideoFormat(chosen))
     deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
-    if not finer and not deeper:
-        return []
-    lost = _loss_sentence(name, ["depth"] * deeper + ["colour resolution"] * finer, encoder, chosen, source)
-    return [f"{lost}; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."]
-
-
-def _loss_sentence(name: str, lost: list[str], encoder: str, chosen: str, source: str) -> str:
-    """Return the remark on a loss, without its full stop."""
-    return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {chosen} for {source}"
+    if finer or deeper:
+        what = " and ".join(["depth"] * deeper + ["colour resolution"] * finer)
+        advice = "; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour"
+        remarks.add(
+            "depth-or-colour-lost", name=name, what=what, encoder=encoder, format=chosen, source=source, advice=advice
+        )
 
 
 def _bits_held(name: str, source: str, *, exact: bool) -> int:

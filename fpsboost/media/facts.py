@@ -10,6 +10,7 @@ from fpsboost.media.containers import MP4
 from fpsboost.media.demuxer import VideoFile, is_cover_art
 from fpsboost.media.fitting import first_packets, fits, headers_in, is_text, keeps_data
 from fpsboost.media.info import ClipInfo
+from fpsboost.media.remarks import Remarks
 from fpsboost.media.tags import find_timecode
 from fpsboost.media.traits import VideoTraits, matrices, primaries, tag_name, transfers
 
@@ -59,7 +60,7 @@ class Facts:
     """Format and colour tags of the pictures."""
     streams: list[StreamFacts]
     """All streams of the file."""
-    remarks: list[str]
+    remarks: Remarks
     """What reading it loses or assumes."""
 
 

@@ -49,8 +49,8 @@ class Fitting:
     """The file, its source, the part that is written, and which streams to keep."""
     encoders: Mapping[int, str] = field(default_factory=dict)
     """FFmpeg's encoders for audio that is re-encoded, by the number of its stream."""
-    left_out: Mapping[int, str] = field(default_factory=dict)
-    """Remarks on streams that can neither be copied nor re-encoded, by their numbers."""
+    left_out: Mapping[int, dict[str, str]] = field(default_factory=dict)
+    """Streams that can neither be copied nor re-encoded, by their numbers: the cause, and a way to keep each."""
     any_codec: bool = False
     """Whether a stream is copied whose codec is missing from the container's list; see `open_muxer`."""
 
@@ -68,7 +68,7 @@ def fit_streams(output: Output, encoder: str) -> Fitting:
     Returns
     -------
     Fitting
-        Plan with encoders, and with remarks on streams that are left out beside others of their type.
+        Plan with encoders, and with the streams that are left out beside others of their type.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def fit_streams(output: Output, encoder: str) -> Fitting:
             if file.streams[index].type not in kept:
                 raise OutputError(f"{cause}; {_any_of([*misfit.ways, misfit.without])}.")
             way = f"; to keep it, {_any_of(misfit.ways)}" if misfit.ways else ""
-            left_out[index] = f"{cause}; stream {index} was left out{way}."
+            left_out[index] = {"cause": cause, "way": way}
     return Fitting(output, encoders, left_out, any_codec)
 
 

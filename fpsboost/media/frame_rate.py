@@ -134,8 +134,3 @@ def measure_rate(times: Sequence[int], tick: Fraction) -> MeasuredRate | None:
         mean_rate=len(intervals) / (sum(intervals) * tick),
         tick=tick,
     )
-
-
-def assumed_rate_remark(name: str, advice: str = "") -> str:
-    """Return the remark on a clip that declares no frame rate."""
-    return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second were assumed{advice}."

@@ -24,10 +24,10 @@ from fpsboost.media.clock import Window
 from fpsboost.media.containers import containers_by_suffix
 from fpsboost.media.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
 from fpsboost.media.encoded_sound import EncodedSound
-from fpsboost.media.errors import EncryptedError, applicable
+from fpsboost.media.errors import EncryptedError
 from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.media.pyav import Packet, open_input, printable
-from fpsboost.media.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
+from fpsboost.media.remarks import Damage, Remarks, counted, encrypted_stream_sentence
 from fpsboost.media.tags import (
     copy_labels,
     find_timecode,
@@ -95,12 +95,13 @@ class OtherStreams:
         chapters = _chapters_within(self._input, self._window, source.start)
         unread = unread_of_chapters(self._input)
         output.set_chapters(chapters)
-        lost = {
-            f"tags of its source, which its container has no place for: {', '.join(self.tags.lost)}": self.tags.lost,
-            "the chapters of its source, which its kind of sound rules out here": chapters and fitting.any_codec,
-            f"the parts of its source's chapters that FFmpeg cannot read: {', '.join(unread)}": unread,
-        }
-        self.remarks = [f"{self._name} lost {what}." for what in applicable(lost)]
+        self.remarks = Remarks()
+        if self.tags.lost:
+            self._remark("tags-lost", tags=", ".join(self.tags.lost))
+        if chapters and fitting.any_codec:
+            self._remark("chapters-lost")
+        if unread:
+            self._remark("chapter-parts-lost", parts=", ".join(unread))
         copy_labels(self._input.streams[source.stream_index], video, self._container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
@@ -144,7 +145,7 @@ class OtherStreams:
         for index, converter in self._converters.items():
             self._mux(index, "subtitle", converter.until(time))
             if time is None and converter.lost_lines:
-                self._remark(f"lost lines of stream {index} of its source, where more are shown than a text can hold.")
+                self._remark("lines-lost", stream=index)
 
     def copy_cover(self) -> None:
         """Mux the attached pictures; call it directly after the header is written, as mp4 requires."""
@@ -157,11 +158,11 @@ class OtherStreams:
             for index, (kind, tags, flags) in self._labels.items():  # streams of each type are in order, but not all
                 place = next((n for n, stream in enumerate(streams) if stream.type == kind), None)
                 if place is not None and (lost := lost_labels(tags, flags, streams.pop(place))):
-                    self._remark(f"lost {' and '.join(lost)} of stream {index} of its source.")
+                    self._remark("labels-lost", labels=" and ".join(lost), stream=index)
 
-    def _remark(self, sentence: str) -> None:
-        """Add a remark whose subject is the output."""
-        self.remarks.append(f"{self._name} {sentence}")
+    def _remark(self, kind: str, **values: object) -> None:
+        """Add a remark on the output."""
+        self.remarks.add(kind, name=self._name, **values)
 
     def _add(self, stream: Stream) -> None:
         """Add an output stream for a stream of the source as `fit_streams` has chosen, or remark on its loss."""
@@ -175,9 +176,9 @@ class OtherStreams:
         elif stream.discard == Discard.all:
             pass  # chapter track of an mp4, which FFmpeg reads as chapters
         elif stream.index in self._fitting.left_out:
-            self.remarks.append(self._fitting.left_out[stream.index])
+            self.remarks.add("stream-misfits", lost_stream=stream.index, **self._fitting.left_out[stream.index])
         elif is_copied and self._reverses and not can_turn:
-            self._remark(f"lost stream {stream.index} ({kind_of(stream)}) of its source, which cannot play backwards.")
+            self._remark("stream-not-reversible", lost_stream=stream.index, what=kind_of(stream))
         elif stream.index in self._fitting.encoders:
             self._add_encoded(stream, self._fitting.encoders[stream.index])
         elif is_kept and is_text(stream) and not fits(self._container, stream, None):
@@ -188,11 +189,15 @@ class OtherStreams:
             self._output.add_stream_from_template(stream)
         elif is_timecode(stream):  # the muxer creates a timecode stream itself, or stores a tag
             if not self._has_timecode:
-                self._remark(f"lost the timecode of stream {stream.index} of its source, which its rate cannot count.")
+                self._remark("timecode-stream-lost", lost_stream=stream.index)
         elif stream.type in ("data", "attachment", "unknown"):
             keeping = [suffix for suffix, container in containers_by_suffix.items() if keeps_data(container, stream)]
-            what = f"stream {stream.index} ({kind_of(stream)})"
-            self.remarks.append(not_held_remark(self._name, what, keeping))
+            self._remark_on_lost(stream, f"stream {stream.index} ({kind_of(stream)})", keeping)
+
+    def _remark_on_lost(self, stream: Stream, what: str, keeping: Sequence[str]) -> None:
+        """Add a remark on a stream that is left out; `keeping` are the suffixes of containers that keep it."""
+        way = f"write {' or '.join(keeping)} to keep it" if keeping else "none of the containers written here does"
+        self._remark("stream-not-held", lost_stream=stream.index, what=what, way=way)
 
     def _add_target(self, stream: Stream, target: Stream) -> None:
         """Register the output stream for the packets of a stream, with its language, title and flags."""
@@ -203,10 +208,8 @@ class OtherStreams:
         """Add a stream of text subtitles in the container's format; `fit_streams` has checked that it fits."""
         converter = self._converters[stream.index] = TextConverter(stream, self._output, self._container)
         self._add_target(stream, converter.stream)
-        self._remark(
-            f"holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
-            f"{self._container.text_format}; styles may differ."
-        )
+        format = self._container.text_format
+        self._remark("subtitles-converted", stream=stream.index, codec=codec_of(stream), format=format)
 
     def _add_encoded(self, stream: Stream, encoder: str) -> None:
         """Add a stream of audio that is re-encoded; `fit_streams` has checked that it can be."""
@@ -215,10 +218,8 @@ class OtherStreams:
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
         if self._curve is not None and self._curve.is_steady and (speed := self._curve.sounding[0].slope0):
             stretched = f"stretched to {1 / speed} times its length and "
-        self._remark(
-            f"holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded anew as "
-            f"{codec_of(sound.stream)}{sound.changes}."
-        )
+        encoded = f"{stretched}encoded anew as {codec_of(sound.stream)}{sound.changes}"
+        self._remark("sound-encoded-anew", stream=stream.index, codec=codec_of(stream), encoded=encoded)
 
     def finish(self, end: Fraction) -> None:
         """Mux all remaining packets, add remarks on audio that could not be decoded, and close the source.
@@ -235,10 +236,8 @@ class OtherStreams:
             if sound.finish(end):
                 self.written[index] = "audio"
             if sound.lost_packets:
-                self.remarks.append(
-                    f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
-                    f"{index} could not be decoded, where {self._name} is silent; listen to it."
-                )
+                packets = counted(sound.lost_packets, "packet")
+                self._remark("sound-damaged", source=self._source.name, packets=packets, stream=index)
         for index, target in self._targets.items():
             given = self._regional.get(index)
             tags = {**target.metadata, "language": given} if given else dict(target.metadata)
@@ -257,7 +256,7 @@ class OtherStreams:
         again = timecode_at(timecode, old, Fraction(new), skipped) if new and is_counted else None
         if again is None:
             cause = "rate" if is_counted else "speed"
-            self._remark(f"lost the timecode {timecode} of its source, which its {cause} cannot count.")
+            self._remark("timecode-lost", timecode=timecode, cause=cause)
         else:
             video.metadata["timecode"] = again
         return True
@@ -281,7 +280,7 @@ class OtherStreams:
                 for suffix, container in containers_by_suffix.items()
                 if container.keeps_attachments or container.keeps_covers
             ]
-            self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
+            self._remark_on_lost(stream, "the cover picture", keeping)
 
     def _moved(self) -> Iterator[tuple[Fraction, Packet]]:
         """Yield the packets to mux, and when each is due in the output, seconds.
@@ -324,13 +323,9 @@ class OtherStreams:
         # where all later packets of any stream are after the window too
         past = None if self._window.end is None else self._window.end + MAX_INTERLEAVING
         damage = Damage()
-        sentence = (
-            f"{self._source.name} is damaged where sound, subtitles or data lie, so some may be missing in "
-            f"{self._name}; listen to it."
-        )
         for packet in read_packets(file, streams, damage):
-            if damage.unreadable and sentence not in self.remarks:
-                self.remarks.append(sentence)
+            if damage.unreadable:
+                self._remark("other-streams-damaged", source=self._source.name)
             if packet.dts is not None and not self._is_hidden(packet):
                 later = round(self._source.start / Fraction(packet.time_base))
                 packet.dts -= later
@@ -396,9 +391,7 @@ class OtherStreams:
         # short audio packets may share a millisecond, and re-encoded audio gets new times
         equal_is_fine = kind == "subtitle" or index in self._sounds or not self._container.exact_times
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
-            sentence = f"{self._source.name} has sound or subtitle packets out of order, which were left out."
-            if sentence not in self.remarks:
-                self.remarks.append(sentence)
+            self._remark("packets-out-of-order", source=self._source.name)
             return
         self._last_dts[index] = packet.dts
         if index in self._sounds:

@@ -22,7 +22,7 @@ from fpsboost.media.pixels import (
     is_full_range,
 )
 from fpsboost.media.pyav import REFUSALS, as_fraction
-from fpsboost.media.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
+from fpsboost.media.remarks import Damage, Remarks, counted
 from fpsboost.media.reorder_buffer import ReorderBuffer
 from fpsboost.media.side_data import Crop
 from fpsboost.media.traits import VideoTraits, primaries, tag_name, transfers
@@ -60,8 +60,8 @@ class Pictures(Iterator[VideoFrame]):
         Decode alpha that is stored beside the pictures (VP8, VP9); otherwise it is left out, with a remark.
     crop : Crop or None
         Margins to cut off, as the container asks for.
-    remarks : list of str
-        List of the caller to which remarks are added while reading.
+    remarks : Remarks
+        Those of the caller, to which remarks are added while reading.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Pictures(Iterator[VideoFrame]):
         deinterlace: bool,
         keeps_alpha: bool,
         crop: Crop | None,
-        remarks: list[str],
+        remarks: Remarks,
     ) -> None:
         self.damage = Damage()
         self._file = clock.file
@@ -137,17 +137,16 @@ class Pictures(Iterator[VideoFrame]):
         """End decoding; the file stays open."""
         self._coded.close()
 
-    def interlacing_remarks(self) -> list[str]:
-        """Return the remarks on interlaced pictures that stayed whole, and on progressive ones that were halved."""
+    def remark_on_interlacing(self) -> None:
+        """Add a remark on interlaced pictures that stayed whole, or on progressive ones that were halved."""
         interlaced = self._interlaced_count
         count = self._count
-        if not self._deinterlaced:
+        if self._deinterlaced and interlaced < count:
+            which = "no frame" if not interlaced else f"only {interlaced} of {counted(count, 'frame')}"
+            self._remarks.add("hardly-interlaced", name=self._name, which=which)
+        elif interlaced and not self._deinterlaced:
             which = "" if interlaced == count else f" in {interlaced} of {counted(count, 'frame')}"
-            return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if interlaced else []
-        if interlaced == count:
-            return []
-        which = "no frame" if not interlaced else f"only {interlaced} of {counted(count, 'frame')}"
-        return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
+            self._remarks.add("interlaced", name=self._name, which=which, advice="pass `deinterlace=True`")
 
     def _decode(self) -> Generator[VideoFrame, None, None]:
         """Yield the decoded pictures in presentation order, past packets that cannot be decoded."""
@@ -155,7 +154,7 @@ class Pictures(Iterator[VideoFrame]):
             pts = None if packet is None else packet.pts
             if packet is not None and self._says_alpha and packet.has_sidedata("matroska_block_additional"):
                 self._says_alpha = False
-                self._remarks += {lost_alpha_remark(self._name)}.difference(self._remarks)
+                self._remarks.add("alpha-left-out", name=self._name)
             self._buffer.expect(pts)
             try:
                 pictures = self._decoder.decode(packet)
@@ -194,7 +193,7 @@ class Pictures(Iterator[VideoFrame]):
         is_opaque = whole.to_ndarray()[..., 3].min() == 255
         self._palette_format = self._palette_format or ("rgb24" if is_opaque else "rgba")
         if not is_opaque and self._palette_format == "rgb24":
-            self._remarks += {lost_alpha_remark(self._name)}.difference(self._remarks)
+            self._remarks.add("alpha-left-out", name=self._name)
         return self._reformatter.reformat(whole, format=self._palette_format, interpolation=SCALER_FLAGS)
 
     def _counted(self, pictures: list[VideoFrame]) -> Iterator[VideoFrame]:
@@ -322,18 +321,18 @@ class FormatUnifier:
         alike.color_trc = traits.color_transfer
         return alike
 
-    def remarks(self) -> list[str]:
+    def remarks(self) -> Remarks:
         """Return the remarks on changes of size, format, coding and colours so far."""
-        reshaped, recoded = (
-            f"{counted(count, 'frame')} {'was' if count == 1 else 'were'}" for count in (self._reshaped, self._recoded)
-        )
-        remarks = [f"{self._name} changes {self._change}; {reshaped} made like the first."] * bool(self._reshaped)
-        if self._recoded:
-            change = f"{self._name} changes its colour matrix or range {self._recoding}"
-            remarks.append(f"{change}; {recoded} converted to the first's.")
+        remarks = Remarks()
+        for kind, count, change in (
+            ("size-changes", self._reshaped, self._change),
+            ("coding-changes", self._recoded, self._recoding),
+        ):
+            if count:
+                remarks.add(kind + "-once" * (count == 1), name=self._name, change=change, count=count)
         if self._retagged:
-            count = counted(self._retagged, "frame")
-            remarks.append(f"{self._name} changes its colours {self._new_colours}; {count} kept the numbers they have.")
+            frames = counted(self._retagged, "frame")
+            remarks.add("colours-change", name=self._name, change=self._new_colours, frames=frames)
         return remarks
 
 

@@ -28,6 +28,7 @@ from fpsboost.media.errors import (
     undone_by,
 )
 from fpsboost.media.locks import LOCKED, lock_file
+from fpsboost.media.remarks import Remarks
 from fpsboost.media.safe_files import rename_safely, sync, write_safely
 
 LOCK = "lock"
@@ -96,7 +97,7 @@ class StagingDirectory:
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
         self.folder = folder
         self.staged = folder / staged
-        self.remarks = list[str]()
+        self.remarks = Remarks()
         self.name = name
         self._job = job
         self._lock: BufferedRandom | None = None
@@ -126,10 +127,7 @@ class StagingDirectory:
                 (self.folder / COMPLETE).unlink(missing_ok=True)
                 return
             if before is not None:
-                self.remarks.append(
-                    f"{self.name} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
-                    "on with it."
-                )
+                self.remarks.add("begun-anew", name=self.name)
             for path in self.folder.iterdir():
                 if path.is_dir():
                     shutil.rmtree(path)
@@ -206,7 +204,7 @@ class StagingDirectory:
                     raise InUseError(
                         f"{self.name} is being written by another run; wait for it, or choose another name."
                     ) from None
-                self.remarks.append(f"{self.name} lies on a disk without locks; never let two runs write it at once.")
+                self.remarks.add("without-locks", name=self.name)
                 self._lock = lock
         if self._lock is None:
             raise OutputError(f"{self.name} cannot be written because its folder keeps no file; choose another.")

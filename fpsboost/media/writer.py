@@ -31,7 +31,8 @@ from fpsboost.media.fitting import fit_streams
 from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
-from fpsboost.media.pyav import Packet
+from fpsboost.media.pyav import Packet, trial_file
+from fpsboost.media.remarks import Remark
 from fpsboost.media.safe_files import check_writable
 from fpsboost.media.staging import (
     PartFolder,
@@ -65,8 +66,7 @@ class Writer(StagedSink):
     Raises
     ------
     OptionError, OutputError
-        Options contradict each other, or the container cannot hold the codec or a stream; known before any picture is
-        encoded.
+        Options contradict each other, or the container cannot hold the codec or a stream; known before encoding.
     """
 
     encoder: VideoEncoder | None = None
@@ -87,7 +87,7 @@ class Writer(StagedSink):
         self._unifier: FormatUnifier | None = None
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         """What the file does not hold of its source so far, and what became of an earlier run."""
         return [*self._unfinished.remarks, *(self.encoder.remarks if self.encoder else [])]
 
@@ -263,7 +263,7 @@ class FileWriter(Writer):
         self._assembly: Assembly | None = None
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         """What the file does not hold of its source so far, and what became of an earlier run."""
         return [*super().remarks, *(self._assembly.remarks if self._assembly else [])]
 
@@ -360,6 +360,23 @@ def create(
             os.fspath(path), like.info, timing, stream, encoding or EncodeSettings(), overwrite=overwrite, window=window
         )
     )
+
+
+def try_out(output: Output) -> tuple[list[str], list[Remark]]:
+    """Return the encoder and the pixel format of a video, and what it would not hold of its source; write nothing.
+
+    Opens the encoder and writes the header of a trial file, and raises like `FileWriter`. Of images nothing is known.
+    """
+    traits = output.stream.traits
+    name, _ = choose_encoder(output, traits)
+    fitting = fit_streams(output, name)
+    if traits is None:
+        return [], []
+    encoder = VideoEncoder(output, traits)
+    with explained_writing(output.path), trial_file() as path, contextlib.closing(encoder):
+        header = Assembly(path, encoder.stream, fitting, traits)
+        header.discard()
+        return [name, encoder.pixel_format], [*encoder.remarks, *header.remarks]
 
 
 @contextlib.contextmanager

@@ -5,6 +5,7 @@ A renderer knows the exact motion of its surfaces, but not that of shadows, refl
 search; `RenderedMotion` and `SceneAssisted` follow them everywhere.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
@@ -37,8 +38,10 @@ class RenderedVectors(Protocol):
 
     step: int
     """Number of vectors from one output frame to the next."""
-    remarks: list[str]
-    """Sentences for the user about what was assumed, such as a convention found by comparing frames."""
+
+    @property
+    def remarks(self) -> Sequence[str]:
+        """Remarks on what was assumed, such as a convention found by comparing frames."""
 
     def has(self, number: int) -> bool:
         """Return whether there are vectors for an output frame, counted from 0."""

@@ -89,8 +89,7 @@ def join(
                 sink.join([complete_chunk(file) for file in files], traits)
             elif isinstance(sink, ImageSink):
                 sink.join(files)
-        closing = closing_remarks(ready, summary.frame_intervals)
-        summary.remarks = list(dict.fromkeys([*summary.remarks, *sink.remarks, *closing]))
+        summary.remarks.take([*sink.remarks, *closing_remarks(ready, summary.frame_intervals)])
     summary.seconds = time.perf_counter() - begin
     return summary
 
@@ -197,6 +196,6 @@ def _summary(parts: Sequence[PartFiles]) -> Summary:
         summary.unsure_frames += each.unsure_frames
         summary.unsure_pixels += each.unsure_pixels
         summary.replaced += each.replaced
-        summary.remarks += each.remarks
+        summary.remarks.take(each.remarks)
         summary.note_match(each.lowest_match)
     return summary

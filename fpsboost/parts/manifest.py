@@ -32,12 +32,13 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.layered import FrameImage
 from fpsboost.media import Window, pyav_version, write_safely
 from fpsboost.preparation import ConversionJob, Preparation, opened_part, prepared
+from fpsboost.remarks import Remarks
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.options import Timing
 
 MANIFEST_NAME = "part.json"
 """Name of the manifest in the folder of a part."""
-FORMAT = 4  # version of the manifest's fields
+FORMAT = 5  # version of the manifest's fields
 IDENTIFYING_BYTES = 1 << 16  # bytes at the beginning and at the end of a file that identify it together with its size
 
 
@@ -82,8 +83,9 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, as JSON."""
-        data = json.dumps({"format": FORMAT, **asdict(self)}, indent=1, default=_plain)
-        write_safely(folder / MANIFEST_NAME, data.encode())
+        values = {"format": FORMAT, **asdict(self)}
+        values["summary"]["remarks"] = [remark.data for remark in self.summary.remarks]
+        write_safely(folder / MANIFEST_NAME, json.dumps(values, indent=1, default=_plain).encode())
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -233,6 +235,8 @@ def from_json(kind: Any, value: Any) -> Any:
         return None
     if kind is Fraction:
         return Fraction(value)
+    if kind is Remarks:
+        return Remarks.from_json(value)
     if type(None) in kinds:
         return from_json(kinds[0], value)
     if is_dataclass(kind):

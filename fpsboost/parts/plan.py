@@ -35,6 +35,7 @@ from fpsboost.media import (
 from fpsboost.parts.entry import find_entry
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, Preparation, prepared
+from fpsboost.remarks import Remarks
 from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions, count_parts, parts_folder
 from fpsboost.timing.edit import Edit
@@ -59,7 +60,7 @@ class PartPlan:
     """Output frames of the part, and where its source begins."""
     output: OutputPart
     """Folder that the part is written to."""
-    remarks: list[str] = field(default_factory=list)
+    remarks: Remarks = field(default_factory=Remarks)
     """Remarks on how its source is read."""
     summary: Summary | None = None
     """Result of the loop, once it has run."""
@@ -95,10 +96,7 @@ def plan_part(ready: Preparation) -> PartPlan:
     if not plan.is_empty:
         plan.outputs = enter(ready, outputs)
         if outputs.first > 0 and plan.outputs.entry is None:
-            name = ready.clip.source.info.name
-            plan.remarks.append(
-                f"{name} does not list its frames, so that all those before a part were decoded for it."
-            )
+            plan.remarks.add("part-read-from-beginning", name=ready.clip.source.info.name)
     return plan
 
 
@@ -257,7 +255,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
         facts=facts_of(ready),
         first=outputs.first,
         summary=replace(
-            summary, frames_in=read, remarks=[*plan.remarks, *summary.remarks], seconds=0.0, completed_frames=0
+            summary, frames_in=read, remarks=Remarks([*plan.remarks, *summary.remarks]), seconds=0.0, completed_frames=0
         ),
         counts_frames=by_number,
         window=ready.clip.window,

@@ -18,7 +18,6 @@ import numpy as np
 from fpsboost import (
     ClipInfo,
     ConversionJob,
-    FpsboostError,
     Frame,
     FrameCache,
     FrameMask,
@@ -36,6 +35,7 @@ from fpsboost import (
 )
 from fpsboost.extension import (
     PlayerData,
+    Remarks,
     SilentObserver,
     as_heat,
     available_cores,
@@ -61,8 +61,7 @@ class ConvertedPassage(NamedTuple):
     after: View
     """Its frames after the conversion."""
     least_certain: LowestMatch | None
-    """Frame between the two that match least, see `fpsboost.Summary.lowest_match`; its time is in the passage, on the
-    source's clock."""
+    """Where the result is least certain, see `fpsboost.Summary`; its time is in the passage, on the source's clock."""
     confidence: np.ndarray | None
     """Confidence of that frame's pixels, (H, W, 1) float32; None if the method has none of its own."""
     frames: int
@@ -75,7 +74,7 @@ class ConvertedPassage(NamedTuple):
     """Bytes that were written."""
     first: int
     """Bytes of the first picture of a video, a key frame; 0 for images and animations."""
-    remarks: list[str]
+    remarks: Remarks
     """Remarks of its conversion."""
 
 
@@ -99,7 +98,7 @@ class Preview:
     """Expected time per output frame on this machine, by the names of the methods."""
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""
-    remarks: list[str]
+    remarks: Remarks
     """Notes of the conversions, each once."""
     masked: list[str]
     """Data URIs of the first frame of every passage with what a mask keeps tinted; none without a mask."""
@@ -149,7 +148,7 @@ def preview(
     on_task("looking for motion")
     selection = find_passages(job, run, at, length) if curve is None else find_retimed(job, run, curve, rate, at)
     trials: dict[str, list[ConvertedPassage]] = {name: [] for name in methods}
-    remarks = dict.fromkeys(selection.remarks)
+    remarks = Remarks(selection.remarks)
     with TemporaryDirectory(prefix="fpsboost-") as folder:
         for number, passage in enumerate(selection.passages):
             for place, (name, method) in enumerate(methods.items()):
@@ -158,7 +157,7 @@ def preview(
                 trial = _convert_passage(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
                 # frames of `replace` after the end of a passage are not necessarily after the end of the clip
-                remarks |= dict.fromkeys(each for each in trial.remarks if not each.startswith("The last frame is"))
+                remarks.take(each for each in trial.remarks if each.kind != "replace-behind-end")
     return Preview(
         info,
         rate,
@@ -168,7 +167,7 @@ def preview(
         frames,
         {name: _seconds_per_frame(each) for name, each in trials.items()},
         target.kind == "video",
-        list(remarks),
+        remarks,
         [] if mask is None else [_tinted(passage, mask, info) for passage in selection.passages],
     )
 
@@ -228,19 +227,16 @@ def _convert_passage(
         part = replace(part, encoding=encoding, timing=replace(part.timing, slow_motion_sound=None))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
     recorder = _Recorder(View(passage.before.traits), job.timing.stretch, job.method.has_confidence)
-    try:
-        summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))
-    except FpsboostError as error:
-        raise type(error)(str(error).replace(output, target.path)) from error
+    summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))
     cpu = time.process_time() - recorder.start[1]
     own = min(recorder.own_seconds / cpu, 0.9)
     seconds = (time.perf_counter() - recorder.start[0]) * (1 - own)
     least, confidence = summary.lowest_match, None
     if least is not None:
         least, confidence = replace(least, time=least.time / job.timing.stretch), recorder.confidences[least.number]
-    remarks = [remark.replace(output, target.path) for remark in summary.remarks]
     size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
     first = first_packet_size(Path(output)) if target.kind == "video" else 0
+    remarks = Remarks(each.about(output, target.path) for each in summary.remarks)
     return ConvertedPassage(
         recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size, first, remarks
     )

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunOptions, Trim
 from fpsboost.extension import (
     Findings,
+    Remarks,
     TimeMap,
     VideoTraits,
     as_shown,
@@ -179,7 +180,7 @@ class Selection(NamedTuple):
     """Passages that are shown, in the order of their times."""
     examined: list[Passage]
     """All passages that were read."""
-    remarks: list[str]
+    remarks: Remarks
     """Sentences about how they were chosen."""
 
     @property
@@ -239,19 +240,18 @@ def find_passages(
             raise OptionError(f"`at={float(start):g}` is after {end}; give an earlier position.")
     if starts:
         passages = [reader.examine(span.latest(start), span.duration) for start in starts]
-        return Selection(passages, passages, [])
+        return Selection(passages, passages, Remarks())
     places = reader.measure(span.spread(PLACES))
     examined = list[Passage]()
-    remarks = list[str]()
+    remarks = Remarks()
     if len(places) < ENOUGH_PLACES:
         longest = MAX_READ / span.info.rate
         read_for = longest if span.end is None else min(longest, span.end - span.begin)
         passage, places = reader.read(span.begin, read_for, span.count)
         examined.append(passage)
         if span.end is None or span.end - span.begin > longest:
-            remarks.append(
-                f"Of {span.info.name}, the first {rounded(float(passage.before.end), 3)} s alone were looked at."
-            )
+            seconds = rounded(float(passage.before.end), 3)
+            remarks.add("passages-looked-at", name=span.info.name, seconds=seconds)
     passages = _with_most_motion(places, span, reader, examined)
     return Selection(sorted(passages or examined[-1:], key=lambda passage: passage.start), examined, remarks)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from fpsboost.colour import normalised
 from fpsboost.image import Image
+from fpsboost.remarks import Remarks
 from fpsboost.render import Direction, StoredVectors, VectorConvention
 from fpsboost.render.folder import VectorFolder
 
@@ -74,17 +75,11 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
     fit = fit_convention(pairs, usual)
     fitted = copy(folder)
     fitted.convention = fit.convention
-    fitted.remarks = list(folder.remarks)
+    fitted.remarks = Remarks(folder.remarks)
     if fit.convention != usual:
-        fitted.remarks.append(
-            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels "
-            "suggest otherwise; `vector_convention` overrides this."
-        )
+        fitted.remarks.add("vectors-convention", name=folder.path, convention=fit.convention)
     if fit.error > fit.still_error:
-        fitted.remarks.append(
-            f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they "
-            "are in pixels per frame, and of these frames."
-        )
+        fitted.remarks.add("vectors-unlike-motion", name=folder.path)
     return fitted
 
 

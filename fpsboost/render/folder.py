@@ -34,6 +34,7 @@ from fpsboost.io.images.sequence import (
 from fpsboost.io.side.flow import BACKWARD, FORWARD, read_flow
 from fpsboost.motion.rendered import FrameVectors
 from fpsboost.options import checked
+from fpsboost.remarks import Remarks
 from fpsboost.render import ConventionName, VectorConvention, conventions
 
 CACHED_FRAMES = 4
@@ -73,8 +74,8 @@ class VectorFolder:
         Number of vectors from one output frame to the next: the difference of their numbers, or 1.
     files : list of Path
         All files that may be read.
-    remarks : list of str
-        Sentences for the user about what was assumed.
+    remarks : Remarks
+        What was assumed.
 
     Raises
     ------
@@ -102,7 +103,7 @@ class VectorFolder:
         depth_files = [] if self._depth is None else self._depth.files
         self.files = [*chain.from_iterable(map(_partners, self._vectors.files)), *depth_files]
         self.step = 1
-        self.remarks = list[str]()
+        self.remarks = Remarks()
         self._numbers: Sequence[int] | None = None
         self._cached = lru_cache(CACHED_FRAMES)(self._read)
 
@@ -145,6 +146,7 @@ class VectorFolder:
             they have no numbers, or others, the first file remains that of the first frame.
         """
         folder = copy(self)
+        folder.remarks = Remarks()
         file_numbers = [files.numbers for files in (self._vectors, self._depth) if files is not None]
         if not all(file_numbers):
             return folder
@@ -153,12 +155,10 @@ class VectorFolder:
             folder.step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
             there = len(set(numbers).intersection(self._vectors.numbers))
             if there < len(numbers):
-                folder.remarks = [f"{self.path} has motion vectors for {there} of the {len(numbers)} output frames."]
+                folder.remarks.add("vectors-missing", name=self.path, there=there, frames=len(numbers))
         elif self._vectors.numbers[0] != numbers[0] and len(self._vectors.numbers) != len(numbers):
-            folder.remarks = [
-                f"{self.path} is numbered from {self._vectors.numbers[0]} on and the output from {numbers[0]}: its "
-                "files were taken in order, the first for the first frame."
-            ]
+            first = self._vectors.numbers[0]
+            folder.remarks.add("vectors-in-order", name=self.path, first=first, number=numbers[0])
         return folder
 
     def has(self, number: int) -> bool:

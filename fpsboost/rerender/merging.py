@@ -21,9 +21,11 @@ from fpsboost.extension import (
     Image,
     Passes,
     PathName,
+    Remarks,
     check_new_folder,
     checked,
     content_of,
+    counted,
     encode_image,
     encode_like,
     explained,
@@ -56,7 +58,7 @@ class MergeSummary:
     """Number of frames with rendered regions; all others are copies."""
     regions: int
     """Number of regions put back."""
-    remarks: list[str]
+    remarks: Remarks
     """Sentences about what was left out or could not be kept."""
 
 
@@ -115,9 +117,7 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
             with explained(OutputError, "write", Path(output) / path.name, "check the free space and the permissions"):
                 write_safely(unfinished / path.name, content)
     if any(extension_of(files[number].name) in LOSSY for number in planned):
-        remarks.append(
-            "JPEG is lossy: merged frames were encoded anew, which changes them a little outside of the regions too."
-        )
+        remarks.add("lossy-merge")
     return MergeSummary(len(files), len(planned), sum(len(frame.regions) for frame in planned.values()), remarks)
 
 
@@ -228,7 +228,7 @@ def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImag
         )
 
 
-def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, list[Path]], list[str]]:
+def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, list[Path]], Remarks]:
     """Find the image of every region of every planned frame, by the numbers at the ends of their names."""
     with explained(InputError, "read", folder, "check that it exists and that you may read it"):
         names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and name[0] != "."]
@@ -247,8 +247,10 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
             )
         files[place] = folder / name
     images = {number: _of_regions(folder, frame, found[number]) for number, frame in planned.items()}
-    remark = f"{extra} image{'s' if extra > 1 else ''} of {folder} belong to no planned region and were left out."
-    return images, [remark] * (extra > 0)
+    remarks = Remarks()
+    if extra:
+        remarks.add("images-in-no-region", images=counted(extra, "image"), name=folder)
+    return images, remarks
 
 
 def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int]:

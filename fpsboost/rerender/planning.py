@@ -231,7 +231,7 @@ def plan_rerender(
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
         match = partial(VectorFolder.matched, numbers=numbers, must_match=images.step > 1)
-        interpolator = replace(interpolator.with_vectors(match)[0], duplicates=None)
+        interpolator = replace(interpolator.with_vectors(match), duplicates=None)
         grid = TileGrid(info.height, info.width, options.tile)
         threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
         with run_in_parallel(threads) as in_order:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from fpsboost.errors import InputError, OptionError, rounded
 from fpsboost.media import ALL_SPEEDS, FOREVER, OutputTiming, TimeMap, is_implausible
 from fpsboost.options import AnyDuplicates, Checked, PathName, Range, Rate, option
+from fpsboost.remarks import Remarks
 from fpsboost.timing.position import Gaps, Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
@@ -243,31 +244,27 @@ class Timing(Checked):
         rate = schedule.rate(info.rate) / self.stretch
         return OutputTiming(rate, representable(base / self.stretch.denominator, base))
 
-    def remarks(self, info: ClipInfo, schedule: Schedule, frame_intervals: FrameIntervals) -> list[str]:
-        """Return sentences on how the timing of the output differs from the source's.
+    def remarks(self, info: ClipInfo, schedule: Schedule, frame_intervals: FrameIntervals) -> Remarks:
+        """Return the remarks on how the timing of the output differs from the source's.
 
         `frame_intervals` are those of all frames, so that this is called at the end.
         """
+        remarks = Remarks()
         if not isinstance(schedule, ByFactor | ByRate):
-            return []
-        remarks = []
+            return remarks
         follows_rate = self.fps is None and not self.fill_gaps and not self.retimes and self.gaps is None
         if isinstance(schedule, ByRate) and follows_rate and frame_intervals.varies(info):
             slowest, fastest = (
                 rounded(float(1 / each), 4) for each in (frame_intervals.longest, frame_intervals.shortest)
             )
             rate = float(schedule.frames_per_second / self.stretch)
-            remarks.append(
-                f"{info.name} varies from {slowest} to {fastest} frames per second; the output is constant at "
-                f"{rate:.5g}, and `keep_timing` keeps it variable."
-            )
-        if frame_intervals.longest > schedule.longest:
-            filled = "held there" if frame_intervals.longest <= MAX_FILLED else "held there as one long frame"
-            remarks.append(
-                f"{info.name} shows nothing new for {float(frame_intervals.longest):.1f} s from "
-                f"{float(frame_intervals.begin):.1f} s on; "
-                f"the picture was {filled}, as in all pauses of more than {float(schedule.longest):g} s."
-            )
+            remarks.add("rate-made-constant", name=info.name, slowest=slowest, fastest=fastest, rate=rate)
+        longest = frame_intervals.longest
+        if longest > schedule.longest:
+            as_one = "" if longest <= MAX_FILLED else " as one long frame"
+            begin = float(frame_intervals.begin)
+            limit = float(schedule.longest)
+            remarks.add("picture-held", name=info.name, longest=float(longest), begin=begin, as_one=as_one, limit=limit)
         return remarks
 
 

@@ -1,6 +1,7 @@
 """The page's form as a job of the library, and as the equivalent command line."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -10,6 +11,7 @@ from fpsboost import (
     DecodeOptions,
     Encoding,
     OptionError,
+    Remark,
     RunOptions,
     Timing,
     find_method,
@@ -29,42 +31,45 @@ from fpsboost.extension import (
 from fpsboost.ui.files import Files
 
 LABELS = {
-    **{"overwrite": "Replace it if it exists", "no-audio": "Keep the sound", "no-subtitles": "Keep the subtitles"},
-    **{"factor": "Times as many frames", "fps": "Frames a second", "slow-motion": "Slow motion", "method": "Method"},
-    **{
-        "input-fps": "Frame rate of the images",
-        "retime": "Speed ramp",
-        "start": "From",
-        "end": "to",
-        "codec": "Format",
-    },
-    **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "streams": "Streams to keep"},
-    **{"resume": "Try again", "loop": "A loop"},
+    "overwrite": "a tick at “Replace it if it exists”",
+    "no-audio": "“Keep the sound” cleared",
+    "no-subtitles": "“Keep the subtitles” cleared",
+    "factor": "“Times as many frames”",
+    "fps": "“Frames a second”",
+    "slow-motion": "“Slow motion”",
+    "method": "“Method”",
+    "input-fps": "“Frame rate of the images”",
+    "retime": "“Speed ramp”",
+    "start": "“From”",
+    "end": "“to”",
+    "codec": "“Format”",
+    "crf": "constant rate factor, as by “Smaller file”,",
+    "lossless": "“Without loss”",
+    "streams": "“Streams to keep”",
+    "resume": "“Try again”",
+    "loop": "“A loop”",
 }
-"""Names that the page has for options, by their flags."""
+"""What messages call the options that the page has, by their flags."""
 
-PHRASES = {
-    r"(?:give|pass|add|use) (?=--overwrite)": "tick ",
-    r"with --no-(?=audio|subtitles)": "by clearing --no-",
-    "a higher --crf": "“Smaller file”",
-    r"leave (\d+) out of --streams": r"clear stream \1 of “Streams to keep”",
-    "leave --resume out to start anew": "remove it here, and convert again",
-}
-"""Replacements in messages where the page has another control than an option."""
+FLAG = re.compile(r"(?<![\w-])--([a-z-]+)")
 
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
 """Difference from the usual constant rate factor by quality; 6 is about half of the size."""
 
 
-def on_page(sentence: str, *paths: str) -> str:
-    """Return a message of the library or the command line in the terms of the page, with paths reduced to names."""
-    for path in paths:
-        sentence = sentence.replace(path, Path(path).name)
+def on_page(sentence: str) -> str:
+    """Return a message of the library or the command line in the terms of the page."""
     text = in_flags(sentence)
-    for words, others in PHRASES.items():
-        text = re.sub(words, others, text)
-    text = re.sub(r"(?<![\w-])--([a-z-]+)", lambda flag: f"“{LABELS[flag[1]]}”" if flag[1] in LABELS else flag[0], text)
-    return text + " What begins with -- is for a command line." * (re.search(r"(?<![\w-])--[a-z]", text) is not None)
+    others = set(FLAG.findall(text)) - LABELS.keys()
+    text = FLAG.sub(lambda flag: LABELS.get(flag[1], flag[0]), text)
+    return text + " What begins with -- is for a command line." * bool(others)
+
+
+def remarks_on_page(remarks: Iterable[Remark], *paths: str) -> list[str]:
+    """Return remarks in the terms of the page, with paths reduced to names."""
+    for path in paths:
+        remarks = [remark.about(path, Path(path).name) for remark in remarks]
+    return [on_page(remark) for remark in remarks]
 
 
 @dataclass(frozen=True)
@@ -167,7 +172,7 @@ class Choices(Checked):
             "frames": frames,
             "rate": float(rate) if has_rate else None,
             "length": format_time(frames / rate) if has_rate and frames else "",
-            "remarks": [on_page(each, self.input, ready.output.path) for each in remarks],
+            "remarks": remarks_on_page(remarks, self.input, ready.output.path),
         }
 
 

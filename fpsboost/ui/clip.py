@@ -27,8 +27,10 @@ from fpsboost.cli.probe import facts
 from fpsboost.extension import (
     Findings,
     Probe,
+    Remarks,
     TargetRequirements,
     data_uri,
+    from_json,
     list_streams,
     open_source,
     opened_clip,
@@ -37,7 +39,7 @@ from fpsboost.extension import (
     trim_source,
 )
 from fpsboost.preview.places import View
-from fpsboost.ui.choices import on_page
+from fpsboost.ui.choices import remarks_on_page
 from fpsboost.ui.jobs import start_process
 
 QUICK_PIXELS = 1_500_000_000
@@ -49,7 +51,7 @@ def header(path: str) -> dict[str, Any]:
     with open_source(path, requirements=TargetRequirements(layers=True)) as source:
         info = source.info
         is_images = source.stream_info.images is not None
-        remarks = list(source.remarks)
+        remarks = Remarks(source.remarks)
         file = source.stream_info.video
     count = info.frame_count
     duration = _duration(info)
@@ -64,7 +66,7 @@ def header(path: str) -> dict[str, Any]:
         "last": None if duration is None else max(0.0, float(duration * unit - unit / info.rate)),
         "length": None if duration is None else float(duration),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
-        "remarks": [on_page(each, path) for each in remarks],
+        "remarks": remarks_on_page(remarks, path),
         "streams": [] if file is None else [asdict(each) for each in list_streams(file)],
     }
 
@@ -84,11 +86,11 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
                 process.terminate()
     if process.returncode != 0:
         raise InputError(messages.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
-    result = Probe.from_json(json.loads(text))
+    result: Probe = from_json(Probe, json.loads(text))
     return {
         "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
         "streams": [asdict(each) for each in result.streams],
-        "remarks": [on_page(each, path) for each in (*result.remarks, *result.conversion.remarks)],
+        "remarks": remarks_on_page([*result.remarks, *result.conversion.remarks], path),
         "length": result.duration,
         "last": result.frames - 1 if stands_for_images(path) else max(0.0, result.duration - 1 / result.rate),
     }

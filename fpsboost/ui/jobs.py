@@ -16,6 +16,7 @@ from fpsboost import FpsboostError, InputError, OptionError, OutputError, Target
 from fpsboost.extension import (
     LOCKED,
     InUseError,
+    Remarks,
     discard_unfinished,
     explain,
     explained,
@@ -24,7 +25,7 @@ from fpsboost.extension import (
     undone_by,
     write_safely,
 )
-from fpsboost.ui.choices import on_page
+from fpsboost.ui.choices import on_page, remarks_on_page
 from fpsboost.ui.files import Files
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
@@ -75,8 +76,8 @@ class Job:
         """Update the job with the progress that a run reports."""
         for name in ("frame", "frames", "fps"):
             setattr(self, name, report.get(name, getattr(self, name)))
-        remarks = [on_page(each, self.words[1], self.output) for each in report.get("remarks", [])]
-        self.remarks += [each for each in remarks if each not in self.remarks]
+        remarks = remarks_on_page(Remarks.from_json(report.get("remarks", [])), self.words[1], self.output)
+        self.remarks = list(dict.fromkeys([*self.remarks, *remarks]))
 
     def pause(self, kept: int, message: str) -> None:
         """Pause with `kept` frames that the next run need not compute; if there are none, `message` is the reason."""

@@ -29,7 +29,8 @@ from pathlib import Path
 Path(os.environ["RECORDED"]).open("a").write(json.dumps(sys.argv[1:]) + "\\n")
 for frame in range(3):
     print(json.dumps({"frame": 100 * frame, "frames": 200, "stage": "converting"}), file=sys.stderr)
-done = {"frame": 200, "frames": 200, "stage": "done", "remarks": ["2 frames were damaged."]}
+remarks = [{"kind": "damaged", "sentence": "2 frames were damaged."}]
+done = {"frame": 200, "frames": 200, "stage": "done", "remarks": remarks}
 print(json.dumps(done), file=sys.stderr)
 print("A sentence for people.", file=sys.stderr)
 sys.exit(int(os.environ.get("EXIT_CODE", "0")))

@@ -34,10 +34,11 @@ from fpsboost.io.images.files import (
     metadata_of,
     types_kept,
 )
-from fpsboost.io.images.layers import encode_like, losses_like
+from fpsboost.io.images.layers import encode_like, remark_on_losses
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.media import BT709, BT2020, LINEAR, SRGB, UNSPECIFIED, VideoTraits, primaries, traits_of_png, transfers
+from fpsboost.remarks import Remarks
 
 INCH = 0.0254  # metres
 # maximum size of EXIF or XMP, bytes: in a JPEG, elsewhere
@@ -211,14 +212,16 @@ def into_png(data: bytes, metadata: ImageMetadata, channels: int) -> bytes:
 
 
 def colours_of(
-    path: Path, metadata: ImageMetadata | None = None, *, displayed: bool = False
-) -> tuple[VideoTraits, list[str]]:
-    """Return the colour tags of a video made of images like this one, and remarks on colours that have no tag.
+    remarks: Remarks, path: Path, metadata: ImageMetadata | None = None, *, displayed: bool = False
+) -> VideoTraits:
+    """Return the colour tags of a video made of images like this one, and add a remark on colours that have no tag.
 
     FFmpeg's decoder reads those of a PNG. OpenEXR and HDR are tagged as linear.
 
     Parameters
     ----------
+    remarks : Remarks
+        Remarks to add to.
     path : Path
         One of the images.
     metadata : ImageMetadata, optional
@@ -228,8 +231,8 @@ def colours_of(
 
     Returns
     -------
-    tuple
-        Traits, in which all that the image does not declare is unspecified, and a list of sentences.
+    VideoTraits
+        Traits, in which all that the image does not declare is unspecified.
     """
     extension = extension_of(path.name)
     chunks = dict[bytes, bytes]()
@@ -256,11 +259,9 @@ def colours_of(
         "limited range": chunks.get(b"cICP", b"")[3:] == b"\0",
     }
     words = " and the ".join(applicable(untaggable))
-    remark = (
-        f"No colour tag stands for the {words} of {path.name}, whose colours are written unchanged; convert it to sRGB "
-        "first."
-    )
-    return tags, [remark] if words else []
+    if words:
+        remarks.add("colours-without-tag", what=words, file=path.name)
+    return tags
 
 
 def _number_of(known: dict[int, Any], values: Any, tolerance: float) -> int:
@@ -316,7 +317,7 @@ def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
 class ImageEncoder:
     """Encoder of frames into image files; `Frame.original` of a source of images is the path of its file.
 
-    `remarks` are sentences about what the files cannot hold, each once.
+    `remarks` say what the files cannot hold.
 
     Parameters
     ----------
@@ -338,7 +339,7 @@ class ImageEncoder:
         self._exr: ExrHeader | None = None
         self._layers = () if images is None else images.layers
         self._followed: Path | None = None
-        self.remarks: list[str] = []
+        self.remarks = Remarks()
         if images is not None:
             self._follow(images.files[0])
 
@@ -353,7 +354,7 @@ class ImageEncoder:
             raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
         name = {".webp": "WebP", ".hdr": "HDR"}.get(extension)
         if name is not None and image.shape[2] == 1:
-            self._remark([f"{name} has no gray: gray images were written as colour with three equal channels."])
+            self.remarks.add("gray-as-colour", format=name)
 
     def content(self, path: Path, frame: Frame) -> bytes:
         """Return the content of a file for a frame.
@@ -371,9 +372,10 @@ class ImageEncoder:
         elif isinstance(frame.preceding, Path) and frame.preceding != self._followed:
             self._follow(frame.preceding)
         lost = lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
-        self._remark([f"{self._path} cannot hold the {item} of its source; left out." for item in lost])
+        for item in lost:
+            self.remarks.add("metadata-not-held", name=self._path, what=item)
         if self._exr is not None and extension_of(path.name) == ".exr":
-            self._remark(losses_like(self._exr, self._layers, anew=self._anew))
+            remark_on_losses(self.remarks, self._exr, self._layers, anew=self._anew)
             return encode_like(self._exr, frame.image)
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
@@ -384,7 +386,7 @@ class ImageEncoder:
         """
         self._follow(source)
         if self._metadata.other_colours:
-            self._remark([f"{self._path} has RGB where its source has {self._metadata.other_colours}."])
+            self.remarks.add("colours-as-rgb", name=self._path, colours=self._metadata.other_colours)
         return is_same and self._metadata.can_pass
 
     def _follow(self, source: Path) -> None:
@@ -393,7 +395,3 @@ class ImageEncoder:
         self._metadata = metadata_of(source)
         if extension_of(source.name) == ".exr":
             self._exr = read_exr_header(source)
-
-    def _remark(self, remarks: list[str]) -> None:
-        """Add remarks that were not added before."""
-        self.remarks += [remark for remark in remarks if remark not in self.remarks]

@@ -13,11 +13,12 @@ from typing import Self
 
 import numpy as np
 
-from fpsboost.errors import InputError, applicable
+from fpsboost.errors import InputError
 from fpsboost.image import Image, view
 from fpsboost.io.images.exr import ExrHeader, Precision, encode_exr_like, read_channels, read_exr_header
 from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
 from fpsboost.memory import MemoryLimit
+from fpsboost.remarks import Remarks
 
 ALL = "all"
 """Word for all passes."""
@@ -271,39 +272,32 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
     return encode_exr_like(header, planes)
 
 
-def losses_like(header: ExrHeader, layers: Sequence[LayerNames], *, anew: bool) -> list[str]:
-    """Return sentences on what frames encoded like an original lack.
+def remark_on_losses(remarks: Remarks, header: ExrHeader, layers: Sequence[LayerNames], *, anew: bool) -> None:
+    """Add remarks on what frames encoded like an original lack.
+
+    These are pixels outside of the display window, smaller copies of the images (mipmaps), layers that are left out,
+    and motion vectors.
 
     Parameters
     ----------
+    remarks : Remarks
+        Remarks to add to.
     header : ExrHeader
         Header of the original.
     layers : sequence of LayerNames
         Layers that the frames have beside their picture.
     anew : bool
         Whether frames are numbered anew, so that motion vectors lead to other numbers.
-
-    Returns
-    -------
-    list of str
-        A sentence each on pixels outside of the display window, smaller copies of the images (mipmaps), layers that are
-        left out, and motion vectors.
     """
     interpolated = {name for layer in layers for name in layer.channels}
-    said = {
-        "The originals have pixels elsewhere than in the display window, where those of the frames between are.": any(
-            part.data != part.display for part in header.parts
-        ),
-        "The originals hold smaller copies of their images, which the frames between do not.": any(
-            "tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts
-        ),
-        "The originals passed with all their layers, of which the frames between have fewer.": any(
-            not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers
-        ),
-        "Motion vectors lead from one original to the next, also in the frames between, as the originals' do.": anew
-        and any(layer.has_vectors for layer in layers),
-    }
-    return applicable(said)
+    if any(part.data != part.display for part in header.parts):
+        remarks.add("pixels-elsewhere")
+    if any("tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts):
+        remarks.add("no-smaller-copies")
+    if any(not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers):
+        remarks.add("fewer-layers")
+    if anew and any(layer.has_vectors for layer in layers):
+        remarks.add("vectors-of-originals")
 
 
 def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:

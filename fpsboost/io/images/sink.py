@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, applicable, explained, undone_by
+from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained, undone_by
 from fpsboost.frame import Frame
 from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -16,7 +16,8 @@ from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import is_pattern
 from fpsboost.io.new_output import ADVICE, StagedFiles
 from fpsboost.io.output import Output
-from fpsboost.media import IN_EXISTING_FOLDER, PartFolder, StagedSink, StagingDirectory, write_safely
+from fpsboost.media import IN_EXISTING_FOLDER, PartFolder, Remark, StagedSink, StagingDirectory, write_safely
+from fpsboost.remarks import Remarks
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
 
@@ -35,15 +36,15 @@ class ImageNames:
         Difference of the numbers of successive images.
     is_anew : bool
         Whether the numbers are not those of the source.
-    remarks : tuple of str
-        Sentences on numbers that differ from what a user may expect.
+    remarks : sequence of Remark
+        Remarks on numbers that differ from what a user may expect.
     """
 
     numbering: Numbering
     first: int
     step: int
     is_anew: bool
-    remarks: tuple[str, ...] = ()
+    remarks: Sequence[Remark] = ()
 
     def path(self, place: int) -> Path:
         """Return the path of an image by its place in the output, counted from 0."""
@@ -89,7 +90,7 @@ class NumberedSink(StagedSink):
         self._frames = 0
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         return [*self._unfinished.remarks, *self.names.remarks, *self._encoder.remarks]
 
     @property
@@ -284,13 +285,12 @@ def _names_of(output: Output) -> ImageNames:
         padded = max(digits or VIDEO_DIGITS, images.numbering.digits)
         numbering = replace(images.numbering, folder=Path(path), digits=images.numbering.digits if kept else padded)
     gap = 1 if images is None else images.step
-    said = {
-        f"{factor} times the frames do not fit between numbers that rise by {gap}: all were numbered anew, one by one; "
-        f"`factor={gap}` makes just those that are missing.": gap > 1 and kept is None and factor is not None,
-        f"{path} has too few digits for {count} frames: later names grow longer.": not _is_folder(path)
-        and 1 < numbering.digits < digits,
-    }
-    return ImageNames(numbering, first, step, kept is None, tuple(applicable(said)))
+    remarks = Remarks()
+    if gap > 1 and kept is None and factor is not None:
+        remarks.add("numbered-anew", factor=factor, gap=gap)
+    if not _is_folder(path) and 1 < numbering.digits < digits:
+        remarks.add("few-digits", name=path, frames=count)
+    return ImageNames(numbering, first, step, kept is None, remarks)
 
 
 def _names_in_place(output: Output) -> ImageNames:

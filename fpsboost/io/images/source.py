@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fpsboost.colour import displayed_colours
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OptionError, applicable, explained
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
@@ -35,6 +35,7 @@ from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
 from fpsboost.media import VIDEO_SUFFIXES, VideoTraits, hidden_place
 from fpsboost.memory import MemoryLimit
+from fpsboost.remarks import Remarks
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
@@ -135,11 +136,10 @@ class ImageSource(ClosesOnExit):
             layers=self._passes.layers,
         )
         self._holds_more = metadata_of(first).has_more
-        self._colours, self._untaggable = (  # where images stay images, their metadata is copied instead
-            colours_of(first, displayed=self._reading.view == "srgb")
-            if self._reading.upright
-            else (VideoTraits(), list[str]())
-        )
+        self._untaggable = Remarks()
+        self._colours = VideoTraits()
+        if self._reading.upright:  # where images stay images, their metadata is copied instead
+            self._colours = colours_of(self._untaggable, first, displayed=self._reading.view == "srgb")
         self._kind = (image.shape, image.dtype)
         self._described = f"{first} ({view(image).describe()})"
         height, width = image.shape[:2]
@@ -163,30 +163,29 @@ class ImageSource(ClosesOnExit):
         return SourcePosition(self.images.skipped + number, self._places[0] / self.info.rate + seconds)
 
     @property
-    def remarks(self) -> list[str]:
-        """Sentences about assumptions, and about pictures and channels that are not read."""
+    def remarks(self) -> Remarks:
+        """Remarks on assumptions, and on pictures and channels that are not read."""
+        remarks = Remarks()
         name = self.info.name
         step = self.images.step
         first = self.images.files[0].name
         pictures = self._passes.pictures
         names = self._passes.left_out
-        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-        is_dark = self._is_linear and self._reading.upright and self._reading.view == "none"
-        said = {
-            f"The numbers of {name} rise by {step}: taken for a sequence rendered with that step.": step > 1,
-            f"The images of {name} have no numbers and were taken by the alphabet: {first} is the first one.": (
-                not self.images.numbers and len(self.images.files) > 1 and not pictures_in(name)
-            ),
-            f"{first} and its like hold several pictures ({', '.join(pictures)}), the first of which leads.": bool(
-                pictures[1:]
-            ),
-            f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
-            "`view='srgb'` makes a preview.": is_dark,
-            **dict.fromkeys(self._untaggable, True),
-            f"{first} and its like hold several pictures, the first of which was read.": self._holds_more,
-            f"{first} and its like hold other channels ({listed}), which were left out.": bool(names),
-        }
-        return applicable(said)
+        if step > 1:
+            remarks.add("numbers-with-step", name=name, step=step)
+        if not self.images.numbers and len(self.images.files) > 1 and not pictures_in(name):
+            remarks.add("without-numbers", name=name, file=first)
+        if pictures[1:]:
+            remarks.add("several-layers", file=first, pictures=", ".join(pictures))
+        if self._is_linear and self._reading.upright and self._reading.view == "none":
+            remarks.add("linear-light", file=first)
+        remarks.take(self._untaggable)
+        if self._holds_more:
+            remarks.add("several-pictures", file=first)
+        if names:
+            listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+            remarks.add("channels-left-out", file=first, channels=listed)
+        return remarks
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the images as frames, from the one given to `begin_at` on; each is read when it is due."""

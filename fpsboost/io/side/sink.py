@@ -26,6 +26,7 @@ from fpsboost.io.new_output import ADVICE, StagedFiles
 from fpsboost.io.side.flow import BACKWARD, FORWARD, encode_flow, flow_picture
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.media import write_safely
+from fpsboost.remarks import Remarks
 
 PICTURE = ".png"
 EXR = ".exr"
@@ -67,7 +68,7 @@ class SideSink:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences of the sink and of the writers."""
+        """Remarks of the sink and of the writers."""
         return [*self._sink.remarks, *(remark for writer in self._writers for remark in writer.remarks)]
 
     @property
@@ -194,6 +195,7 @@ class SideWriter:
         self, path: str, naming: Numbering | None, numbers: Sequence[int], taken: Iterable[Path], *, overwrite: bool
     ) -> None:
         self.path = path
+        self.remarks = Remarks()
         self._numbers = numbers
         self._suffix, naming = self._parse(path, naming)
         self.folder = naming.folder
@@ -227,11 +229,6 @@ class SideWriter:
         """Return the name of the file of a frame, by its place, without the type."""
         return self._naming.path(self._numbers[place]).name
 
-    @property
-    def remarks(self) -> list[str]:
-        """Sentences about the hidden folder, and on files without content."""
-        return self.files.remarks
-
     def write(self, frame: Frame) -> None:
         """Write the files about the next frame of the output, if there are any."""
         raise NotImplementedError
@@ -246,8 +243,9 @@ class SideWriter:
 
     def publish(self) -> None:
         """Give all files their names; without any, there is only a remark."""
+        self.remarks.take(self.files.remarks)
         if not os.listdir(self.files.staged):
-            self.files.remarks.append(f"No frame was made, so that nothing was written to {self.path}.")
+            self.remarks.add("no-side-frames", name=self.path)
         self.files.publish_files()
 
 
@@ -288,11 +286,6 @@ class MotionWriter(SideWriter):
     _first: PairMotion | None = None
     _is_still: bool | None = None
 
-    @property
-    def remarks(self) -> list[str]:
-        still = [f"No motion was found: all vectors in {self.path} are 0."] if self._is_still else []
-        return [*self.files.remarks, *still]
-
     def write(self, frame: Frame) -> None:
         """Write the motion of the first frame of the pair whose motion the frame carries, if it carries any."""
         motion = frame.motion
@@ -319,6 +312,11 @@ class MotionWriter(SideWriter):
                 self._first.flow01 if self._last.number1 == self._first.number0 else -self._last.flow10,
             )
             self._last = None
+
+    def publish(self) -> None:
+        super().publish()
+        if self._is_still:
+            self.remarks.add("no-motion", name=self.path)
 
     def _write_vectors(self, place: int, backward: np.ndarray, forward: np.ndarray) -> None:
         """Write the vectors of a source frame, pixels to the frames before and after it, and their pictures."""

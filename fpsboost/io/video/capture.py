@@ -16,6 +16,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, check_pair, check_values
 from fpsboost.io.output import StreamInfo
 from fpsboost.memory import MemoryLimit
+from fpsboost.remarks import Remarks
 
 MAX_DENOMINATOR = 1001  # maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001
 
@@ -52,7 +53,7 @@ class ArraySource(ReadInOrder):
         self._images = chain([first], images)
         height, width = self._first.shape[:2]
         self.info = ClipInfo(name, height, width, rate, 1 / rate, None)
-        self.remarks: list[str] = []
+        self.remarks = Remarks()
         self.stream_info = StreamInfo()
 
     def __iter__(self) -> Iterator[Frame]:
@@ -95,9 +96,7 @@ class CaptureSource(ArraySource):
                 raise InputError(f"{path} has no frame rate that OpenCV knows; leave `decoder` out.")
             super().__init__(captured(self._capture), rate, path)
         self.stream_info = StreamInfo(files=[Path(path)] if Path(path).is_file() else [])
-        self.remarks = [
-            f"{path} was read by OpenCV: 8-bit colours at a constant rate, without sound, subtitles and metadata."
-        ]
+        self.remarks.add("read-by-opencv", name=path)
 
     def close(self) -> None:
         """Release the capture."""

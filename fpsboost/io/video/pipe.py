@@ -29,15 +29,12 @@ from fpsboost.media import (
     VideoTraits,
     as_fraction,
     assumed_color_space,
-    assumed_rate_remark,
     depth_of,
-    interlaced_remark,
-    lost_companions_remark,
-    lost_shape_remark,
     plane_arrays,
     read_traits,
 )
 from fpsboost.memory import MemoryLimit
+from fpsboost.remarks import Remarks
 
 DEPTHS = (9, 10, 12, 14, 16)
 
@@ -117,13 +114,13 @@ class PipeSource(ReadInOrder):
         traits = read_traits(self._first, video, self._reformatter, INPUT_NAME)
         self.stream_info = StreamInfo(traits=traits)
         self._coding = coding_of(traits) if keeps_planes and not for_images else None
-        said = {
-            assumed_rate_remark(INPUT_NAME): not says_rate,
-            interlaced_remark(INPUT_NAME): self._first.interlaced_frame,
-            lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio): for_images
-            and traits.sample_aspect_ratio not in (None, 1),
-        }
-        self.remarks = applicable(said)
+        self.remarks = Remarks()
+        if not says_rate:
+            self.remarks.add("rate-assumed", name=INPUT_NAME, rate=ASSUMED_RATE, advice="")
+        if self._first.interlaced_frame:
+            self.remarks.add("interlaced", name=INPUT_NAME, which="", advice="deinterlace it first")
+        if for_images and traits.sample_aspect_ratio not in (None, 1):
+            self.remarks.add("shape-lost-in-images", name=INPUT_NAME, shape=traits.sample_aspect_ratio)
 
     def __iter__(self) -> Iterator[Frame]:
         """Return an iterator over the frames; a second call raises `InputError`."""
@@ -167,7 +164,7 @@ class PipeSource(ReadInOrder):
                 ) from None
         self._file.check()
         if self._file.count > self._end:
-            self.remarks.append(f"{INPUT_NAME} ended within frame {number + 1}, which was left out.")
+            self.remarks.add("frame-cut-off", name=INPUT_NAME, number=number + 1)
 
 
 class PipeSink:
@@ -211,13 +208,15 @@ class PipeSink:
         self._stream: Any = stream or self._waiting
         self._header = ""
         self._reformatter = VideoReformatter()
-        self.remarks: list[str] = []
+        self.remarks = Remarks()
         self._start = Fraction(0)
         self._count = 0
         if output.stream.video is not None:
             wanted = {"sound": encoding.audio, "subtitles": encoding.subtitles}
             lost = [kind for kind in output.stream.video.companions if wanted[kind]]
-            self.remarks += [lost_companions_remark(output.stream.video.name, lost, "YUV4MPEG2")] * bool(lost)
+            if lost:
+                name = output.stream.video.name
+                self.remarks.add("beside-left-out", name=name, what=" and ".join(lost), target="YUV4MPEG2")
 
     @property
     def details(self) -> str:
@@ -290,7 +289,7 @@ class PipeSink:
         if nearest is None:
             return "yuv444p16le"
         if loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
-            self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {nearest.name}.")
+            self.remarks.add("format-not-held", name=OUTPUT_NAME, wanted=wanted, format=nearest.name)
         return nearest.name
 
     def _remark_on_traits(self, traits: VideoTraits, color_space: int) -> None:
@@ -303,19 +302,15 @@ class PipeSink:
         }
         words = " and ".join(applicable(lost))
         if words:
-            self.remarks.append(
-                f"{OUTPUT_NAME} cannot say the {words} of {self._info.name}; say it again behind the pipe."
-            )
+            self.remarks.add("not-said-in-pipe", name=OUTPUT_NAME, what=words, source=self._info.name)
 
     def _remark_on(self, frame: Frame) -> None:
         """Remark, once each, on alpha and on uneven frame times, which the format cannot carry."""
         due = self._start + self._count / self._output.timing.rate
-        lost = {
-            f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.": frame.image.shape[2] in (2, 4),
-            f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` to "
-            "keep their times.": abs(frame.time - due) * self._output.timing.rate > Fraction(1, 2),
-        }
-        self.remarks += [remark for remark in applicable(lost) if remark not in self.remarks]
+        if frame.image.shape[2] in (2, 4):
+            self.remarks.add("alpha-not-held", name=OUTPUT_NAME)
+        if abs(frame.time - due) * self._output.timing.rate > Fraction(1, 2):
+            self.remarks.add("uneven-times", name=OUTPUT_NAME, source=self._output.info.name)
 
     def _send(self, data: bytes) -> None:
         """Write all of `data`, in several calls if need be.

@@ -18,6 +18,7 @@ from fpsboost.media import (
     MASTERING,
     FileWriter,
     PartWriter,
+    Remark,
     VideoEncoder,
     VideoTraits,
     Writer,
@@ -28,6 +29,7 @@ from fpsboost.media import (
     transfers,
 )
 from fpsboost.memory import return_free_memory
+from fpsboost.remarks import Remarks
 
 
 class FrameWriter(Writer):
@@ -37,13 +39,16 @@ class FrameWriter(Writer):
     """
 
     holds_last_frame = True
-    _lost: tuple[str, ...] = ()
-    """Sentences on what frames have held and the file does not."""
 
     @property
-    def remarks(self) -> list[str]:
-        """Sentences on what the file does not hold."""
+    def remarks(self) -> list[Remark]:
+        """What the file does not hold."""
         return [*super().remarks, *self._lost]
+
+    @cached_property
+    def _lost(self) -> Remarks:
+        """What frames have held and the file does not."""
+        return Remarks()
 
     @cached_property
     def _reformatter(self) -> VideoReformatter:
@@ -75,22 +80,18 @@ class FrameWriter(Writer):
             return as_picture(frame, coding, self._reformatter, keeps_original=self._output.stream.traits is not None)
 
     def _remark_on(self, frame: Frame, encoder: VideoEncoder) -> None:
-        """Add a remark, once each, on alpha, depth, light and closed captions of a frame that the output lacks."""
+        """Remark on alpha, depth, light and closed captions of a frame that the output lacks."""
         name = self._output.path
-        is_float = frame.image.dtype == np.float32
-        is_beyond = is_float and bool(np.logical_or(frame.array[..., :3] < 0, frame.array[..., :3] > 1).any())
-        has_more = frame.image.shape[2] == 4 and not has_alpha(encoder.pixel_format)
-        lost = {
-            f"{name} cannot hold an alpha channel, which was left out.": has_more,
-            # with fewer bits a remark exists already
-            f"{name} holds the floating-point values of its source in 16 bits.": is_float
-            and depth_of(encoder.pixel_format) == 16,
-            f"{name} holds no light beyond white or below black, which was clipped; images as .exr keep it.": is_beyond,
-            f"{name} lost the closed captions of its source.": frame.captions
-            and not encoder.keeps_captions
-            and CAPTIONS not in encoder.traits.side_data,  # said of the first frame by the encoder
-        }
-        self._lost += tuple(remark for remark, is_lost in lost.items() if is_lost and remark not in self._lost)
+        if frame.image.shape[2] == 4 and not has_alpha(encoder.pixel_format):
+            self._lost.add("alpha-not-held", name=name)
+        if frame.image.dtype == np.float32:
+            if depth_of(encoder.pixel_format) == 16:  # with fewer bits a remark exists already
+                self._lost.add("floats-in-16-bits", name=name)
+            if np.logical_or(frame.array[..., :3] < 0, frame.array[..., :3] > 1).any():
+                self._lost.add("light-clipped", name=name)
+        # those of the first frame are said by the encoder
+        if frame.captions and not encoder.keeps_captions and CAPTIONS not in encoder.traits.side_data:
+            self._lost.add("captions-lost", name=name)
 
 
 class VideoSink(FrameWriter, FileWriter):

@@ -21,8 +21,6 @@ from fpsboost.media import (
     TimedPicture,
     captions_of,
     has_alpha,
-    lost_companions_remark,
-    lost_shape_remark,
 )
 from fpsboost.memory import MemoryLimit
 from fpsboost.threads import available_cores
@@ -95,9 +93,9 @@ class VideoSource(Clip):
             sides = dict.fromkeys(word for word in traits.side_data.values() if word != MASTERING)
             lost = [*self.file.companions, *sides]
             if lost:
-                self.remarks.append(lost_companions_remark(self.info.name, lost, "images"))
+                self.remarks.add("beside-left-out", name=self.info.name, what=" and ".join(lost), target="images")
             if traits.sample_aspect_ratio not in (None, 1):
-                self.remarks.append(lost_shape_remark(self.info.name, traits.sample_aspect_ratio))
+                self.remarks.add("shape-lost-in-images", name=self.info.name, shape=traits.sample_aspect_ratio)
 
     @property
     def stream_info(self) -> StreamInfo:

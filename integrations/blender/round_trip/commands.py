@@ -84,7 +84,7 @@ def parse_progress(line: str) -> Progress | None:
     try:
         values = json.loads(line)
         expected = values.get("frames")
-        remarks = tuple(values.get("remarks", ()))
+        remarks = tuple(each["sentence"] for each in values.get("remarks", ()))
         return Progress(int(values["frame"]), None if expected is None else int(expected), remarks)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
