@@ -26,7 +26,7 @@ FORCE_INLINE float add_differences(float total, const float *row0, const float *
   return total;
 }
 
-// Sum of differences: whole, or of floats.
+// Type of a sum of differences: Int of integers, float of floats.
 template <typename T> using SumOf = decltype(T() * Int());
 
 // Search for the best match of one block.

@@ -163,7 +163,7 @@ template <Int SIZE> struct WindowScores {
       sum_symmetric(x, 0, across, [=](Int k) INLINE_LAMBDA { return values + k; });
   }
 
-  // Writes the scores of `count` pixels, less a price, in several rows, which are `apart`, from a first one on.
+  // Writes the scores of `count` pixels, less a price, in several rows, which are `stride` apart, from a first one on.
   void finish(Int first, Int rows, Int count, float price, float *scores, Int stride) {
     const float *slot[MAX_SIZE + ROWS_AT_ONCE - 1];
     for (Int k = 0; k < size + rows - 1; k++) slot[k] = ring + (first + k) % slots * row_size;

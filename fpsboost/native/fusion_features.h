@@ -19,7 +19,7 @@ static_assert(FEATURES == FEATURES_2X2 + FEATURES_8X8 + WINDOW_FEATURES, "as in 
 
 constexpr float FINE = 100, COARSE = 9;  // factors on squared differences for bandwidths of 0.03 and 0.1 instead of 0.3
 constexpr float FINE_LUMA = 25;          // the same for luma, for a bandwidth of 0.06
-constexpr float LEAST_SUPPORT = 0.02f;   // so that the logarithm of the support has a limit
+constexpr float MIN_SUPPORT = 0.02f;     // so that the logarithm of the support has a limit
 
 struct Features {  // of a candidate
   alignas(64) float blocks_2x2[FEATURES_2X2][BLOCKS_2X2], blocks_8x8[FEATURES_8X8][BLOCKS_8X8];
@@ -207,7 +207,7 @@ inline void extract_candidate_features(const float *squared, float scale, Int to
   const float gradient = absolute(motion.dx_along_x) + absolute(motion.dy_along_x) + absolute(motion.dx_along_y) +
                          absolute(motion.dy_along_y);
   features.window[GRADIENT] = min(gradient, 0.5f);
-  features.window[SUPPORT] = float(__builtin_log(double(support + LEAST_SUPPORT)));  // the same float by any library
+  features.window[SUPPORT] = float(__builtin_log(double(support + MIN_SUPPORT)));  // the same float by any library
 }
 
 }  // namespace

@@ -170,7 +170,7 @@ KERNEL(Int, blend_hypotheses, const BlendHypotheses &args) {
       for (const LayerSamples *layer : layers)
         for (Int i = 0; i < layer->channels * layer->size; i++) layer->total[i] = 0;
       weigh_candidates(row, column, args.candidates, t, args.weighting, context, full, has_further ? &further : nullptr,
-                       candidate, sums, [&](Int, const Motion &) {
+                       candidate, sums, [&](const Motion &) {
                          add_samples(full, context, candidate);
                          if (has_further) add_samples(further, context, candidate);
                        });
@@ -205,7 +205,7 @@ KERNEL(Int, find_dominant_motion, const FindDominantMotion &args) {
   for (Int row = 0; row < listed.shape[0]; row++)
     for (Int column = 0; column < listed.shape[1]; column++)
       weigh_candidates(row, column, args.candidates, t, args.weighting, nullptr, layer, nullptr, candidate, sums,
-                       [&](Int, const Motion &motion) {
+                       [&](const Motion &motion) {
                          alignas(64) float blocks[BLOCKS_2X2], pixels[WINDOW * WINDOW];
                          for (int i = 0; i < BLOCKS_2X2; i++) blocks[i] = candidate.weight[i] * shape[i];
                          upsample_2x2(blocks, 1, 1, pixels);
@@ -227,7 +227,7 @@ KERNEL(Int, extract_features, const ExtractFeatures &args) {
   Int &count = *args.count.data;
   count = 0;
   weigh_candidates(args.row, args.column, args.candidates, float(args.t), args.weighting, &args.context, layer, nullptr,
-                   candidate, sums, [&](Int, const Motion &) {
+                   candidate, sums, [&](const Motion &) {
                      const Features &found = candidate.features;
                      for (int n = 0; n < FEATURES; n++) {
                        float *to = features.ptr(count, n);

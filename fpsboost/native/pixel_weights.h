@@ -9,17 +9,17 @@
 namespace {
 
 constexpr float MIN_WEIGHT_SUM = 1e-30f;    // initial value of sums of weights, which keeps them above zero
-constexpr float HIGHEST_LOGIT = 20;         // logarithms of weights are limited to this
+constexpr float MAX_LOGIT = 20;             // logarithms of weights are limited to this
 constexpr float FOREGROUND_SCALE = 4;       // on squared differences: a bandwidth of 0.15 at which thin things match
 constexpr float FOREGROUND_SHARPNESS = 10;  // logarithm of the factor on the weight of what is certainly in front
-constexpr float HIGHEST_GAIN = float(22026.465794806718);  // the factor itself, exp(FOREGROUND_SHARPNESS)
+constexpr float MAX_GAIN = float(22026.465794806718);  // the factor itself, exp(FOREGROUND_SHARPNESS)
 constexpr float FOREGROUND_AGREEMENT = 3;  // on the agreement with the fields: along an edge motion is ambiguous
 
 struct NodeSums {                                                   // over the candidates of a node
   alignas(64) float weights[BLOCKS_2X2], similarities[BLOCKS_2X2];  // the latter are weighted
-  alignas(64) float most_similar[BLOCKS_2X2];                       // largest similarity of any candidate
+  alignas(64) float max_similarity[BLOCKS_2X2];                     // largest similarity of any candidate
   alignas(64) float reached[BLOCKS_2X2];  // plain weights, by which further candidates are skipped
-  float least_weight, least_similar;      // of any 2x2 block: plain weight so far, largest similarity
+  float min_weight, min_similarity;       // of any 2x2 block: plain weight so far, largest similarity
   // The dominant motion is that of the candidate which matches most of the window.
   alignas(64) float mismatch[BLOCKS_2X2];
   float matched;
@@ -28,9 +28,9 @@ struct NodeSums {                                                   // over the 
   void clear() {
     for (int i = 0; i < BLOCKS_2X2; i++) {
       weights[i] = MIN_WEIGHT_SUM;
-      similarities[i] = most_similar[i] = reached[i] = 0;
+      similarities[i] = max_similarity[i] = reached[i] = 0;
     }
-    least_weight = least_similar = matched = 0;
+    min_weight = min_similarity = matched = 0;
     dominant = {};
   }
 };
@@ -49,9 +49,9 @@ FORCE_INLINE void count_similarity(const float *weight, const float *similarity,
     const F16 w = load<F16>(weight + i), similar = load<F16>(similarity + i);
     store(sums.weights + i, load<F16>(sums.weights + i) + w);
     store(sums.similarities + i, fma(w, similar, load<F16>(sums.similarities + i)));
-    store(sums.most_similar + i, max(load<F16>(sums.most_similar + i), similar));
+    store(sums.max_similarity + i, max(load<F16>(sums.max_similarity + i), similar));
   }
-  sums.least_similar = smallest(sums.most_similar);
+  sums.min_similarity = smallest(sums.max_similarity);
 }
 
 // Computes the plain weights of a candidate from its squared differences.
@@ -62,7 +62,7 @@ inline void find_plain_weights(float prior, const Weighting &weighting, Candidat
   average_patches(values, similarity);
   write_decay(similarity, sharpness, -sharpness, prior, candidate.weight);
   count_similarity(candidate.weight, similarity, sums);
-  sums.least_weight = smallest(sums.weights);
+  sums.min_weight = smallest(sums.weights);
 }
 
 // Writes the mismatch, bilinearly, of the place so many 2x2 blocks on from each; 0 outside of the window.
@@ -120,7 +120,7 @@ inline void find_foreground(float scale, const Motion &motion, float t, Candidat
   average_patches(front, match);
   for (int i = 0; i < BLOCKS_2X2; i++)  // of hardly any foreground around, the mean is no evidence
     gain[i] = front[i] * gain[i] / (match[i] + 0.02f);
-  write_decay(gain, FOREGROUND_SHARPNESS, -FOREGROUND_SHARPNESS, HIGHEST_GAIN, gain);
+  write_decay(gain, FOREGROUND_SHARPNESS, -FOREGROUND_SHARPNESS, MAX_GAIN, gain);
 }
 
 // Parts of a sum of features: the even one is the same for both frames, the odd one has another sign for frame 1.
@@ -196,19 +196,19 @@ inline void find_learnt_weights(float prior, const Motion &motion, float t, cons
   const float near0 = (1 - t) * (1 - t) * (1 - t), near1 = t * t * t;
   const float share1 = 2 * near1 / (near0 + near1), share0 = 2 - share1, sharpness = float(weighting.sharpness);
   for (int i = 0; i < BLOCKS_2X2; i += 16) {
-    const F16 both = decay(load<F16>(logits.both + i), HIGHEST_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
-    const F16 frame0 = decay(load<F16>(logits.frame0 + i), HIGHEST_LOGIT, -1, share0 * prior);
-    const F16 frame1 = decay(load<F16>(logits.frame1 + i), HIGHEST_LOGIT, -1, share1 * prior);
+    const F16 both = decay(load<F16>(logits.both + i), MAX_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
+    const F16 frame0 = decay(load<F16>(logits.frame0 + i), MAX_LOGIT, -1, share0 * prior);
+    const F16 frame1 = decay(load<F16>(logits.frame1 + i), MAX_LOGIT, -1, share1 * prior);
     store(candidate.antisymmetric + i, (1 - t) * frame1 - t * frame0);
     store(candidate.weight + i, both + frame0 + frame1);
     const F16 plain = decay(load<F16>(candidate.features.blocks_2x2[SIMILARITY] + i), sharpness, -sharpness, prior);
     store(sums.reached + i, load<F16>(sums.reached + i) + plain);
   }
   count_similarity(candidate.weight, candidate.features.blocks_2x2[SIMILARITY], sums);
-  sums.least_weight = smallest(sums.reached);
+  sums.min_weight = smallest(sums.reached);
 }
 
-// Weighs the candidates of a node one after the other, and calls `take` after each with its number.
+// Weighs the candidates of a node one after the other, and calls `take` after each with its motion.
 //
 // The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough.
 template <typename Take>
@@ -223,8 +223,8 @@ FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candid
   for (Int k = 0; k < node.count; k++) {
     const float prior = node.priors[k];
     if (prior <= 0) continue;
-    if (prior < float(weighting.min_vote_share) * sums.least_weight ||
-        sums.least_similar >= float(weighting.sufficient_similarity))
+    if (prior < float(weighting.min_vote_share) * sums.min_weight ||
+        sums.min_similarity >= float(weighting.sufficient_similarity))
       break;
     const Motion motion = node.motions[k];
     InsideMarks marks;
@@ -244,7 +244,7 @@ FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candid
     } else {
       find_plain_weights(prior, weighting, candidate, sums);
     }
-    take(k, motion);
+    take(motion);
   }
 }
 

@@ -60,7 +60,7 @@ KERNEL(void, find_shortest, const FindShortest &args) {
       own(row, point) = patches.compare(y, x, last.dx, last.dy);
       const float min_similarity = own(row, point) - tolerance, still = patches.compare(y, x, 0, 0);
       float highest = max(own(row, point), still);
-      float least_length = still >= min_similarity ? 0 : max(absolute(vector[0]), absolute(vector[1]));
+      float min_length = still >= min_similarity ? 0 : max(absolute(vector[0]), absolute(vector[1]));
       for (Int other_row = max(row - support, Int(0)); other_row <= min(row + support, rows - 1); other_row++)
         for (Int other = max(point - support, Int(0)); other <= min(point + support, points - 1); other++) {
           const Offset offset(flow.ptr(other_row, other));
@@ -69,9 +69,9 @@ KERNEL(void, find_shortest, const FindShortest &args) {
           const float similarity = patches.compare(y, x, offset.dx, offset.dy);
           highest = max(highest, similarity);
           if (similarity >= min_similarity)
-            least_length = min(least_length, max(absolute(float(offset.dx)), absolute(float(offset.dy))));
+            min_length = min(min_length, max(absolute(float(offset.dx)), absolute(float(offset.dy))));
         }
       best(row, point) = highest;
-      shortest(row, point) = least_length;
+      shortest(row, point) = min_length;
     }
 }
