@@ -172,8 +172,8 @@ class Descriptions:
         if isinstance(annotation, ast.Subscript):
             return self.field_of_parts(file, annotation)
         name = ast.unparse(annotation)
-        if number := {"int": "q", "bool": "q", "np.uint8": "q", "float": "d"}.get(name):
-            return {"q": "Int", "d": "double"}[number], "", number
+        if kind := {"int": "Int", "bool": "Int", "np.uint8": "Int", "float": "double", "Float": "Float"}.get(name):
+            return kind, "", "q" if kind == "Int" else "d"
         definition = self.names[file][name]
         if isinstance(definition, ast.ClassDef):
             members = [each for each in definition.body if isinstance(each, ast.AnnAssign)]

@@ -19,6 +19,12 @@
 // declared in records.h, under a name that ends with a checksum of its description.
 #define KERNEL(type, name, parameter) extern "C" EXPORT type ENTRY_##name(parameter)
 
+struct Float {  // number that is rounded to float32
+  double value;
+
+  FORCE_INLINE operator float() const { return float(value); }
+};
+
 struct Any {};  // one of several types: that of the array's kind
 
 template <typename T, int AXES> struct ArrayOf {  // as `array_field` of binding.py packs it; steps are in elements

@@ -125,8 +125,7 @@ KERNEL(void, collect_candidates, const CollectCandidates &args) {
   const View<const float, 2> trust(args.points.trust);
   const CollectedVotes &all = args.collected;
   const Int rows = all.listed.shape[0], columns = all.listed.shape[1], spacing = all.spacing, step = args.step;
-  const float sign = float(args.sign), t = float(args.t), support = float(args.support),
-              tolerance = float(args.tolerance);
+  const float sign = args.sign, t = args.t, support = args.support, tolerance = args.tolerance;
   const float middle = 0.5f * float(spacing), curve = t * (1 - t) * 0.5f;
   for (Int i = 0; i < vectors.shape[0]; i++) {
     const float y = float(min(i * step + step / 2, args.height - 1)) + 0.5f;  // relative to the frame corner
@@ -165,8 +164,8 @@ KERNEL(void, list_candidates, const ListCandidates &args) {
   const View<float, 4> motions_of(args.motions);
   const View<float, 3> weights_of(args.weights);
   const Int rows = listed_of.shape[0], columns = listed_of.shape[1], room = weights_of.shape[2];
-  const float prior = float(args.zero_motion_prior), tolerance = float(args.acceleration_tolerance);
-  const float min_share = float(args.min_share), min_weight = float(args.min_weight);
+  const float prior = args.zero_motion_prior, tolerance = args.acceleration_tolerance;
+  const float min_share = args.min_share, min_weight = args.min_weight;
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
       const NodeVotes node(args.collected, row, column);

@@ -92,7 +92,7 @@ inline Position locate_luma(Int top, Int left, float time, const Motion &motion,
 inline void fetch_luma(int frame, Int top, Int left, const Motion &motion, float t, const PairContext &context,
                        float *out) {
   const View<const float, 2> luma(context.luma[frame]);
-  const float time = float(context.times[frame]);
+  const float time = context.times[frame];
   const Position position = locate_luma(top, left, time, motion, t, context);
   if (motion.is_rigid())
     filter_rigid(luma.data, luma.shape[1], position, BLOCKS_2X2_PER_ROW, BLOCKS_2X2_PER_ROW, out);
@@ -180,7 +180,7 @@ inline void extract_onward_features(Int top, Int left, const Motion &motion, flo
       store(near + i, difference * difference);
     }
     average_patches(near, far);
-    write_decay(far, 0, float(context.luma_scale) * FINE_LUMA, 1, out);
+    write_decay(far, 0, context.luma_scale * FINE_LUMA, 1, out);
   }
   for (int i = 0; i < BLOCKS_2X2; i += 16)
     store(features.blocks_2x2[ONWARD_DISTANCE] + i,

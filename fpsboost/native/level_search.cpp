@@ -36,7 +36,7 @@ KERNEL(Int, choose_labels, const ChooseLabels &args) {
   if (workspace.is_counting()) return workspace.size();
   choose_labels({args.count.data, as<const Vector *>(args.motions.data), args.similarity.data,
                  args.smoothness_weight.data, args.count.shape[0], args.count.shape[1], args.similarity.shape[2]},
-                float(args.smoothness), float(args.slope), lattice, as<Vector *>(args.flow.data), args.chosen.data);
+                args.smoothness, args.slope, lattice, as<Vector *>(args.flow.data), args.chosen.data);
   return 0;
 }
 
@@ -64,8 +64,8 @@ KERNEL(Int, search_level, const SearchLevel &args) {
   if (scratch.is_counting()) return scratch.size();
   Frames<uint8_t> frames(args.pair);
   for (int direction = 0; direction < 2; direction++) {
-    whole_pixels(proposed.ptr(direction), down * across, float(args.settings.scale), whole_proposed);
-    whole_pixels(expected.ptr(direction), down * across, float(args.settings.scale), whole_expected);
+    whole_pixels(proposed.ptr(direction), down * across, args.settings.scale, whole_proposed);
+    whole_pixels(expected.ptr(direction), down * across, args.settings.scale, whole_expected);
     search_tiles(frames, {whole_proposed, whole_expected, down, across, spacing}, tiles, lists, work);
     for (Int row = 0; row < rows; row++)
       for (Int column = 0; column < columns; column++) {
@@ -75,8 +75,8 @@ KERNEL(Int, search_level, const SearchLevel &args) {
         smoothness_weight[row * columns + column] = coarse_weight(direction, y, x);
       }
     choose_labels({lists.listed, lists.flow, lists.similarity, smoothness_weight, rows, columns, labels},
-                  float(args.settings.smoothness), float(args.settings.slope), lattice,
-                  as<Vector *>(flow.ptr(direction)), similarity.ptr(direction));
+                  args.settings.smoothness, args.settings.slope, lattice, as<Vector *>(flow.ptr(direction)),
+                  similarity.ptr(direction));
     frames = frames.opposite();
   }
   return 0;

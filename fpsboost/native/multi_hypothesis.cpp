@@ -63,8 +63,8 @@ void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const V
                 const ArrayOf<Any, 3> &image) {
   constexpr Int PIECE = 128;
   const Int channels = layer.channels, width = image.shape[2], step = image.steps[2];
-  const float white = float(range.white), offset = float(range.rounding_offset);
-  const float lowest = float(range.lowest), highest = float(range.highest);
+  const float white = range.white, offset = range.rounding_offset;
+  const float lowest = range.lowest, highest = range.highest;
   for (Int j = first; j < last; j++)
     for (Int c = 0; c < channels; c++) {
       const bool is_straight = range.straight_alpha && c < channels - 1;
@@ -158,7 +158,7 @@ KERNEL(Int, blend_hypotheses, const BlendHypotheses &args) {
   NodeSums sums;
   const View<const int32_t, 2> listed(args.candidates.listed);
   const View<float, 2> confidence(args.blended.confidence);
-  const float *shape = args.weighting.window_shape.data, t = float(args.t);
+  const float *shape = args.weighting.window_shape.data, t = args.t;
   const Int spacing = args.candidates.spacing, before = (WINDOW - spacing) / 2;
   const Int height = image.shape[1], width = image.shape[2];
   const bool has_further = further.channels > 0;
@@ -200,7 +200,7 @@ KERNEL(Int, find_dominant_motion, const FindDominantMotion &args) {
   const View<const int32_t, 2> listed(args.candidates.listed);
   const View<float, 2> weights(args.weights);
   const View<float, 3> places(args.places);
-  const float *shape = args.weighting.window_shape.data, t = float(args.t);
+  const float *shape = args.weighting.window_shape.data, t = args.t;
   const Int spacing = args.candidates.spacing, before = (WINDOW - spacing) / 2;
   for (Int row = 0; row < listed.shape[0]; row++)
     for (Int column = 0; column < listed.shape[1]; column++)
@@ -226,7 +226,7 @@ KERNEL(Int, extract_features, const ExtractFeatures &args) {
   const View<float, 2> gains(args.gains);
   Int &count = *args.count.data;
   count = 0;
-  weigh_candidates(args.row, args.column, args.candidates, float(args.t), args.weighting, &args.context, layer, nullptr,
+  weigh_candidates(args.row, args.column, args.candidates, args.t, args.weighting, &args.context, layer, nullptr,
                    candidate, sums, [&](const Motion &) {
                      const Features &found = candidate.features;
                      for (int n = 0; n < FEATURES; n++) {

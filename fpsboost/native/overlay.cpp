@@ -81,7 +81,7 @@ template <typename T> Int mark(const MarkOverlay &args) {
   const View<const float, 3> motion(args.motion);
   const View<uint8_t, 2> marks(args.marks);
   const Int height = marks.shape[0], width = marks.shape[1], spacing = args.spacing, blocks = motion.shape[1];
-  const float shortest = float(args.shortest);
+  const float shortest = args.shortest;
   Workspace workspace(args.scratch);
   T *smallest = workspace.take<T>(width);
   if (workspace.is_counting()) return workspace.size();

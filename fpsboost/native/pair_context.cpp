@@ -19,7 +19,7 @@ float compare_luma(Int top, Int left, const Motion &motion, float t, const PairC
   }
   for (int i = 0; i < AREA; i += 16) {
     const F16 difference = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));
-    store(samples[0] + i, decay(difference * difference, 0, float(context.luma_scale), 1.f / AREA));
+    store(samples[0] + i, decay(difference * difference, 0, context.luma_scale, 1.f / AREA));
   }
   float alike = 0;
   for (int i = 0; i < AREA; i++) alike += samples[0][i];
@@ -37,7 +37,7 @@ void find_beliefs(Int row, Int column, const Candidates &candidates, const PairC
     beliefs[k] = node.priors[k];
     if (beliefs[k] > 0 && node.count > 1) {
       const float alike = compare_luma(top, left, node.motions[k], t, context);
-      beliefs[k] *= float(__builtin_exp(double(float(context.sharpness) * (alike - 1))));
+      beliefs[k] *= float(__builtin_exp(double(context.sharpness * (alike - 1))));
     }
     total += beliefs[k];
   }
@@ -68,7 +68,7 @@ KERNEL(void, count_landings, const CountLandings &args) {
   const View<const float, 3> points(args.points);
   const View<float, 2> landings(args.landings);
   const Int rows = landings.shape[0], columns = landings.shape[1];
-  const float t = float(args.t), step = float(args.step), limit = 2;
+  const float t = args.t, step = float(args.step), limit = 2;
   for (Int i = 0; i < rows * columns; i++) landings.data[i] = 0;
   for (Int i = 0; i < rows; i++)
     for (Int j = 0; j < columns; j++) {
@@ -91,7 +91,7 @@ KERNEL(Int, measure_support, const MeasureSupport &args) {
   if (workspace.is_counting()) return workspace.size();
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++)
-      find_beliefs(row, column, args.candidates, args.context, float(args.t), beliefs.ptr(row, column));
+      find_beliefs(row, column, args.candidates, args.context, args.t, beliefs.ptr(row, column));
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
       const NodeCandidates node(args.candidates, row, column);

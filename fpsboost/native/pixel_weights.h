@@ -57,8 +57,8 @@ FORCE_INLINE void count_similarity(const float *weight, const float *similarity,
 // Computes the plain weights of a candidate from its squared differences.
 inline void find_plain_weights(float prior, const Weighting &weighting, CandidateWeights &candidate, NodeSums &sums) {
   alignas(64) float values[BLOCKS_2X2], similarity[BLOCKS_2X2];
-  const float sharpness = float(weighting.sharpness);
-  write_decay(candidate.squared, 0, float(weighting.scale), 1, values);
+  const float sharpness = weighting.sharpness;
+  write_decay(candidate.squared, 0, weighting.scale, 1, values);
   average_patches(values, similarity);
   write_decay(similarity, sharpness, -sharpness, prior, candidate.weight);
   count_similarity(candidate.weight, similarity, sums);
@@ -190,11 +190,11 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
 inline void find_learnt_weights(float prior, const Motion &motion, float t, const Weighting &weighting,
                                 CandidateWeights &candidate, NodeSums &sums) {
   Logits logits;
-  find_foreground(float(weighting.scale), motion, t, candidate, sums);
+  find_foreground(weighting.scale, motion, t, candidate, sums);
   sum_features(weighting, candidate.features, logits);
   // What one frame alone shows at half the time is mostly still, or already, hidden near the other one.
   const float near0 = (1 - t) * (1 - t) * (1 - t), near1 = t * t * t;
-  const float share1 = 2 * near1 / (near0 + near1), share0 = 2 - share1, sharpness = float(weighting.sharpness);
+  const float share1 = 2 * near1 / (near0 + near1), share0 = 2 - share1, sharpness = weighting.sharpness;
   for (int i = 0; i < BLOCKS_2X2; i += 16) {
     const F16 both = decay(load<F16>(logits.both + i), MAX_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
     const F16 frame0 = decay(load<F16>(logits.frame0 + i), MAX_LOGIT, -1, share0 * prior);
@@ -223,8 +223,7 @@ FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candid
   for (Int k = 0; k < node.count; k++) {
     const float prior = node.priors[k];
     if (prior <= 0) continue;
-    if (prior < float(weighting.min_vote_share) * sums.min_weight ||
-        sums.min_similarity >= float(weighting.sufficient_similarity))
+    if (prior < weighting.min_vote_share * sums.min_weight || sums.min_similarity >= weighting.sufficient_similarity)
       break;
     const Motion motion = node.motions[k];
     InsideMarks marks;
@@ -238,8 +237,8 @@ FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candid
     }
     if (context) {
       const float support = View<const float, 3>(context->support)(row, column, k);
-      extract_candidate_features(candidate.squared, float(weighting.scale), top, left, motion, prior, support, t,
-                                 *context, candidate.features);
+      extract_candidate_features(candidate.squared, weighting.scale, top, left, motion, prior, support, t, *context,
+                                 candidate.features);
       find_learnt_weights(prior, motion, t, weighting, candidate, sums);
     } else {
       find_plain_weights(prior, weighting, candidate, sums);

@@ -106,8 +106,8 @@ FORCE_INLINE void write_planes(const WorkArrays &work, Int height, Int width, In
 template <typename T, int CHANNELS> void split_pixels(const SplitColours &args, const WorkArrays &work) {
   const View<const T, 3> image(args.image);
   const Int height = image.shape[0], width = image.shape[1];
-  const Levels levels{float(args.scale), float(args.middle)};
-  const float normalise = float(args.normalise), scale = levels.scale, half = 0.5f;
+  const Levels levels{args.scale, args.middle};
+  const float normalise = args.normalise, scale = levels.scale, half = 0.5f;
   auto split = [=](Int y, float *__restrict luma, uint8_t *__restrict first, uint8_t *__restrict third) {
     const T *__restrict pixels = image.ptr(y);
     for (Int x = 0; x < width; x++) {
@@ -152,9 +152,9 @@ template <typename T> void split_codes(const SplitPlanes &args, const WorkArrays
   const View<const T, 2> luma_codes(args.y_plane), cb(args.cb_plane), cr(args.cr_plane);
   const Int height = luma_codes.shape[0], width = luma_codes.shape[1], rows = cb.shape[0], columns = cb.shape[1];
   const Int down = rows == height ? 1 : 2;
-  const Levels levels{float(args.scale), float(args.middle)};
-  const float black = float(args.code_levels.black), luma_unit = float(args.code_levels.luma_unit);
-  const float neutral = float(args.code_levels.neutral), chroma_unit = float(args.code_levels.chroma_unit);
+  const Levels levels{args.scale, args.middle};
+  const float black = args.code_levels.black, luma_unit = args.code_levels.luma_unit;
+  const float neutral = args.code_levels.neutral, chroma_unit = args.code_levels.chroma_unit;
   auto split = [=](Int y, float *__restrict luma, uint8_t *__restrict first, uint8_t *__restrict third) {
     const T *__restrict codes = luma_codes.ptr(y);
     for (Int x = 0; x < width; x++) {

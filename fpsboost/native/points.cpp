@@ -14,7 +14,7 @@ KERNEL(void, find_gradients, const FindGradients &args) {
   const View<const float, 3> vectors(args.vectors);
   const View<float, 4> gradients(args.gradients);
   const Int rows = vectors.shape[0], columns = vectors.shape[1];
-  const float spacing = float(args.spacing);
+  const float spacing = args.spacing;
   for (Int i = 0; i < rows; i++)
     for (Int j = 0; j < columns; j++)
       for (Int axis = 0; axis < 2; axis++) {
@@ -46,7 +46,7 @@ KERNEL(void, find_accelerations, const FindAccelerations &args) {
   const View<float, 3> changes(args.changes);
   // x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
   const float duration = float(args.ratio), factor = float(2 / (args.ratio + args.ratio * args.ratio));
-  const float consistent = float(args.consistent);
+  const float consistent = args.consistent;
   for (Int i = 0; i < y.shape[0]; i++)
     for (Int j = 0; j < x.shape[0]; j++) {
       const Int row = y(i) / args.layout.spacing, column = x(j) / args.layout.spacing;

@@ -90,7 +90,7 @@ FORCE_INLINE void prefetch_rows(const uint8_t *row, Int stride, Int plane) {
 void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &args, const View<const float, 3> &refined,
                    const View<float, 3> &flow) {
   const Int step = args.step, stride = frames.stride;
-  const float tail = float(args.tail), damping = float(args.damping), largest = float(args.largest);
+  const float tail = args.tail, damping = args.damping, largest = args.largest;
   const bool has_refined = refined.shape[0] * refined.shape[1] > 0;
   for (Int row = 0; row < flow.shape[0]; row++)
     for (Int column = 0; column < flow.shape[1]; column++) {

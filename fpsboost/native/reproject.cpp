@@ -70,7 +70,7 @@ template <typename T> void fetch(const FetchBoth &args) {
   const View<const int32_t, 2> source0(args.source0), source1(args.source1);
   const View<const bool, 2> lands0(args.lands0), lands1(args.lands1);
   const Int pixels = image0.shape[0] * image0.shape[1], channels = image0.shape[2];
-  const float t = float(args.t), half = float(args.half);
+  const float t = args.t, half = args.half;
   for (Int pixel = 0; pixel < pixels; pixel++) {
     const bool in0 = lands0.data[pixel], in1 = lands1.data[pixel];
     const float weight = in0 == in1 ? t : float(in1);
@@ -88,7 +88,7 @@ KERNEL(void, search_iteratively, const SearchIteratively &args) {
   const View<int32_t, 2> source(args.source);
   const View<bool, 2> lands(args.lands);
   const Int height = flow.shape[0], width = flow.shape[1];
-  const float t = float(args.t);
+  const float t = args.t;
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) {
       Place found{y, x};
@@ -110,7 +110,7 @@ KERNEL(void, bin_landings, const BinLandings &args) {
   const Flow flow(args.flow);
   int32_t *starts = args.starts.data, *members = args.members.data;
   const Int height = flow.shape[0], width = flow.shape[1], pixels = height * width;
-  const float t = float(args.t);
+  const float t = args.t;
   for (Int cell = 0; cell <= pixels; cell++) starts[cell] = 0;
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) starts[find_cell(flow, t, y, x)]++;
@@ -126,7 +126,7 @@ KERNEL(void, search_nearest_landing, const SearchNearestLanding &args) {
   const View<bool, 2> lands(args.lands);
   const int32_t *starts = args.starts.data, *members = args.members.data;
   const Int height = flow.shape[0], width = flow.shape[1];
-  const float t = float(args.t);
+  const float t = args.t;
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) {
       NearestLanding nearest(flow, t, args.search_radius, {y, x});
@@ -158,7 +158,7 @@ KERNEL(void, splat, const Splat &args) {
   const View<const float, 2> similarity(args.similarity);
   const View<int32_t, 2> source0(args.source0), source1(args.source1);
   const Int height = similarity.shape[0], width = similarity.shape[1];
-  const float t = float(args.t), least_similarity = float(args.least_similarity);
+  const float t = args.t, least_similarity = args.least_similarity;
   for (Int pixel = 0; pixel < height * width; pixel++) source0.data[pixel] = NO_SOURCE;
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) {

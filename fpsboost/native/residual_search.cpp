@@ -89,7 +89,7 @@ FORCE_INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchRe
                                    const Patch &patch, const View<float, 2> &similarity,
                                    const View<float, 2> &other_lowest, const View<float, 3> &flow) {
   const Int step = args.step;
-  const float min_similarity = float(args.min_similarity), better = float(args.better);
+  const float min_similarity = args.min_similarity, better = args.better;
   for (Int row = 0; row < similarity.shape[0]; row++)
     for (Int point = 0; point < similarity.shape[1]; point++) {
       if (similarity(row, point) >= min_similarity) continue;
@@ -149,7 +149,7 @@ KERNEL(void, search_residuals_bidirectional, const SearchResidualsBidirectional 
 KERNEL(void, relax_smoothness, const RelaxSmoothness &args) {
   const View<const float, 4> flow(args.flow), before(args.before);
   const View<float, 3> smoothness_weight(args.smoothness_weight);
-  const float step = float(args.step), tolerance = float(args.tolerance), weak = float(args.weak);
+  const float step = args.step, tolerance = args.tolerance, weak = args.weak;
   const FieldLayout points{1, flow.shape[1], flow.shape[2]};
   for (int direction = 0; direction < 2; direction++)
     for (Int row = 0; row < smoothness_weight.shape[1]; row++)

@@ -51,7 +51,7 @@ KERNEL(void, find_shortest, const FindShortest &args) {
   const Frames<float> frames(args.pair);
   const Patches patches(frames, args.patch_radius);
   const Int rows = flow.shape[0], points = flow.shape[1], support = args.support_radius;
-  const float tolerance = float(args.tolerance);
+  const float tolerance = args.tolerance;
   for (Int row = 0; row < rows; row++)
     for (Int point = 0; point < points; point++) {
       const Int y = point_centre(row, args.step, frames.height), x = point_centre(point, args.step, frames.width);

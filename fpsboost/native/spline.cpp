@@ -73,7 +73,7 @@ template <typename T> Int filter_planes(const FindCoefficients &args) {
   if (workspace.is_counting()) return workspace.size();
   for (Int i = 0; i < size; i++) rings.rows[i] = 0;  // of what is filtered before they are full, nothing remains
   const Int height = planes.shape[1], tall = coefficients.shape[1], width = coefficients.shape[2], reach = filter.reach;
-  float unit = float(args.unit);
+  float unit = args.unit;
   for (Int k = 0; k < filter.stages; k++) {  // so that flat areas keep their brightness
     const float gain = 1 + filter.weights[k] + filter.weights[k];
     unit /= gain * gain;
@@ -126,7 +126,7 @@ KERNEL(void, mix_along, const MixAlong &args) {
   const View<const bool, 2> visible0(args.source0.is_visible), visible1(args.source1.is_visible);
   const View<float, 3> mixed(args.mixed);
   const View<float, 2> squared(args.squared);
-  const float t = float(args.t);
+  const float t = args.t;
   for (Int i = 0; i < mixed.shape[1]; i++)
     for (Int j = 0; j < mixed.shape[2]; j++) {
       const bool seen0 = visible0(i, j), seen1 = visible1(i, j);

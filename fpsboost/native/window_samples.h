@@ -52,7 +52,7 @@ struct LayerSamples {
   // Takes the work arrays of one window, and a band of so many planes and columns, which is zero at first.
   LayerSamples(const PlaneGroup &layer, Int band_planes, Int columns, Workspace &workspace)
       : coefficients{View<const float, 3>(layer.frame0.coefficients), View<const float, 3>(layer.frame1.coefficients)},
-        planes{layer.frame0.planes, layer.frame1.planes}, unit{float(layer.frame0.unit), float(layer.frame1.unit)},
+        planes{layer.frame0.planes, layer.frame1.planes}, unit{layer.frame0.unit, layer.frame1.unit},
         channels(layer.frame0.planes.shape[0]), down(layer.down), across(layer.across), wide(WINDOW / across),
         tall(WINDOW / down), size(wide * tall), mixed(workspace.take<float>(channels * size)),
         change(workspace.take<float>(channels * size)), total(workspace.take<float>(channels * size)) {
