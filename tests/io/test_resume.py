@@ -600,7 +600,7 @@ def test_every_option_belongs_to_the_job(tmp_path):
     job = ConversionJob(clip, tmp_path / "out.mp4", Timing(3), methods["nlm"])
     with VideoSource(clip) as source:
         facts = fingerprint_job(job, RunOptions(), source).facts
-    assert (facts["rate.factor"], facts["in_place"]) == ("3", "False")
+    assert (facts["timing.factor"], facts["in_place"]) == ("3", "False")
     arguments = set(convert.__annotations__) - {"return"}
     noted = {name.partition(".")[0] for name in facts}
     assert noted == arguments - {"output", "options", "run"} | {"in_place", "input_files", "fpsboost"}
