@@ -164,8 +164,9 @@ def opened(chromium: Any) -> Iterator[Any]:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
+    """Let threads look for each other every few milliseconds, and wait for no disk: many short clips would add up."""
     monkeypatch.setattr("fpsboost.threads.POLL_INTERVAL", 0.005)
+    monkeypatch.setattr("os.fsync", lambda file: None)
 
 
 @pytest.fixture
