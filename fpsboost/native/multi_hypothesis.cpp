@@ -154,8 +154,6 @@ KERNEL(Int, blend_hypotheses, const BlendHypotheses &args) {
   LayerSamples full(args.full, image.shape[0] + 1 + has_confidence, image.shape[2], workspace);
   LayerSamples further(args.further, more.shape[0] + 1, more.shape[2], workspace);
   if (workspace.is_counting()) return workspace.size();
-  CandidateWeights candidate;
-  NodeSums sums;
   const View<const int32_t, 2> listed(args.candidates.listed);
   const View<float, 2> confidence(args.blended.confidence);
   const float *shape = args.weighting.window_shape.data, t = args.t;
@@ -169,11 +167,12 @@ KERNEL(Int, blend_hypotheses, const BlendHypotheses &args) {
     for (Int column = 0; column < listed.shape[1]; column++) {
       for (const LayerSamples *layer : layers)
         for (Int i = 0; i < layer->channels * layer->size; i++) layer->total[i] = 0;
-      weigh_candidates(row, column, args.candidates, t, args.weighting, context, full, has_further ? &further : nullptr,
-                       candidate, sums, [&](const Motion &) {
-                         add_samples(full, context, candidate);
-                         if (has_further) add_samples(further, context, candidate);
-                       });
+      const NodeSums sums =
+          weigh_candidates(row, column, args.candidates, t, args.weighting, context, full,
+                           has_further ? &further : nullptr, [&](const Motion &, const CandidateWeights &candidate) {
+                             add_samples(full, context, candidate);
+                             if (has_further) add_samples(further, context, candidate);
+                           });
       // more where a window is more similar than others, but with no visible border
       alignas(64) float weight[BLOCKS_2X2];
       for (int i = 0; i < BLOCKS_2X2; i++) weight[i] = shape[i] / __builtin_sqrtf(sums.weights[i]);
@@ -195,8 +194,6 @@ KERNEL(Int, find_dominant_motion, const FindDominantMotion &args) {
   Workspace workspace(args.scratch);
   LayerSamples layer(args.layer, 0, 0, workspace);
   if (workspace.is_counting()) return workspace.size();
-  CandidateWeights candidate;
-  NodeSums sums;
   const View<const int32_t, 2> listed(args.candidates.listed);
   const View<float, 2> weights(args.weights);
   const View<float, 3> places(args.places);
@@ -204,8 +201,8 @@ KERNEL(Int, find_dominant_motion, const FindDominantMotion &args) {
   const Int spacing = args.candidates.spacing, before = (WINDOW - spacing) / 2;
   for (Int row = 0; row < listed.shape[0]; row++)
     for (Int column = 0; column < listed.shape[1]; column++)
-      weigh_candidates(row, column, args.candidates, t, args.weighting, nullptr, layer, nullptr, candidate, sums,
-                       [&](const Motion &motion) {
+      weigh_candidates(row, column, args.candidates, t, args.weighting, nullptr, layer, nullptr,
+                       [&](const Motion &motion, const CandidateWeights &candidate) {
                          alignas(64) float blocks[BLOCKS_2X2], pixels[WINDOW * WINDOW];
                          for (int i = 0; i < BLOCKS_2X2; i++) blocks[i] = candidate.weight[i] * shape[i];
                          upsample_2x2(blocks, 1, 1, pixels);
@@ -220,14 +217,12 @@ KERNEL(Int, extract_features, const ExtractFeatures &args) {
   Workspace workspace(args.scratch);
   LayerSamples layer(args.layer, 0, 0, workspace);
   if (workspace.is_counting()) return workspace.size();
-  CandidateWeights candidate;
-  NodeSums sums;
   const View<float, 3> features(args.features), mixed(args.mixed), change(args.change);
   const View<float, 2> gains(args.gains);
   Int &count = *args.count.data;
   count = 0;
   weigh_candidates(args.row, args.column, args.candidates, args.t, args.weighting, &args.context, layer, nullptr,
-                   candidate, sums, [&](const Motion &) {
+                   [&](const Motion &, const CandidateWeights &candidate) {
                      const Features &found = candidate.features;
                      for (int n = 0; n < FEATURES; n++) {
                        float *to = features.ptr(count, n);

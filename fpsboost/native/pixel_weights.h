@@ -25,7 +25,7 @@ struct NodeSums {                                                   // over the 
   float matched;
   Motion dominant;
 
-  void clear() {
+  NodeSums() {
     for (int i = 0; i < BLOCKS_2X2; i++) {
       weights[i] = MIN_WEIGHT_SUM;
       similarities[i] = max_similarity[i] = reached[i] = 0;
@@ -208,18 +208,20 @@ inline void find_learnt_weights(float prior, const Motion &motion, float t, cons
   sums.min_weight = smallest(sums.reached);
 }
 
-// Weighs the candidates of a node one after the other, and calls `take` after each with its motion.
+// Weighs the candidates of a node one after the other, and calls `take` after each with its motion and
+// weights; returns the sums of all.
 //
 // The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough.
 template <typename Take>
-FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, float t,
-                                   const Weighting &weighting, const PairContext *context, LayerSamples &full,
-                                   LayerSamples *further, CandidateWeights &candidate, NodeSums &sums, Take take) {
+FORCE_INLINE NodeSums weigh_candidates(Int row, Int column, const Candidates &candidates, float t,
+                                       const Weighting &weighting, const PairContext *context, LayerSamples &full,
+                                       LayerSamples *further, Take take) {
+  CandidateWeights candidate;
+  NodeSums sums;
   const Int before = (WINDOW - candidates.spacing) / 2;
   const Int top = row * candidates.spacing - before, left = column * candidates.spacing - before;
   const Int height = full.planes[0].shape[1], width = full.planes[0].shape[2];
   const NodeCandidates node(candidates, row, column);
-  sums.clear();
   for (Int k = 0; k < node.count; k++) {
     const float prior = node.priors[k];
     if (prior <= 0) continue;
@@ -243,8 +245,9 @@ FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candid
     } else {
       find_plain_weights(prior, weighting, candidate, sums);
     }
-    take(motion);
+    take(motion, candidate);
   }
+  return sums;
 }
 
 }  // namespace
