@@ -78,12 +78,10 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
     if length >= SHORTEST:
         with reading.status("trying passages"):
-            tried = replace(job, output="images/" if is_images else job.output)
-            if job.timing.retimes:  # of whose frames hardly any is one of the source
-                tried = replace(tried, timing=Timing(factor=4))
-            elif job.timing.duplicates == "drop" or job.timing.gaps is not None:  # which need the whole clip
-                factor = job.timing.multiple if job.timing.fps is None else job.timing.factor
-                tried = replace(tried, timing=replace(job.timing, duplicates="keep", gaps=None, factor=factor))
+            target = "images/" if is_images else job.output
+            # of the frames of a curve, hardly any is one of the source
+            timing = Timing(factor=4) if job.timing.retimes else job.timing.of_passage()
+            tried = replace(job, output=target, timing=timing)
             run = RunOptions(limit=run.limit, threads=run.threads)
             trial = preview(tried, {"": job.method}, run, at=places, length=length)
         remarks.take(trial.remarks.expected)

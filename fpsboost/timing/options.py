@@ -189,6 +189,13 @@ class Timing(Checked):
         edits = self.replace is not None or self.gaps is not None or self.duplicates == "drop"
         return edits and self.factor is None and self.fps is None and not self.slow_motion and not self.retimes
 
+    def of_passage(self) -> Timing:
+        """Return the same for a passage by itself, of which neither gaps nor repeats to be dropped are known."""
+        if self.duplicates != "drop" and self.gaps is None:
+            return self
+        factor = self.multiple if self.fps is None else self.factor
+        return replace(self, duplicates="keep", gaps=None, factor=factor)
+
     @property
     def follows_source(self) -> bool:
         """Whether the output's rate is neither given nor that of the source's own frames."""
