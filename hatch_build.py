@@ -120,9 +120,8 @@ class Descriptions:
     def __init__(self) -> None:
         constants = runpy.run_path(str(DESCRIPTIONS / "constants.py"))
         self.constants = {name: value for name, value in constants.items() if name.isupper()}
-        self.names: dict[
-            str, dict[str, ast.ClassDef | ast.expr | str]
-        ] = {}  # in each file: a definition, or the file it comes from
+        # in each file: a definition, or the file it comes from
+        self.names: dict[str, dict[str, ast.ClassDef | ast.expr | str]] = {}
         self.layouts: dict[str, str] = {}  # of each record
         self.lines: list[str] = []
         files = {path.stem: ast.parse(path.read_text("utf-8")) for path in sorted(DESCRIPTIONS.glob("*.py"))}
