@@ -13,13 +13,17 @@ from .contracts import FrameWatcher as FrameWatcher
 from .contracts import LowestMatch as LowestMatch
 from .contracts import Observer as Observer
 from .contracts import OutputRange as OutputRange
+from .contracts import SilentObserver as SilentObserver
 from .contracts import SourceMoment as SourceMoment
 from .contracts import Summary as Summary
 from .conversion import convert as convert
 from .conversion import convert_job as convert_job
 from .errors import CancelledError as CancelledError
+from .errors import CompleteAlreadyError as CompleteAlreadyError
+from .errors import ExistsError as ExistsError
 from .errors import FpsboostError as FpsboostError
 from .errors import InputError as InputError
+from .errors import InUseError as InUseError
 from .errors import OptionError as OptionError
 from .errors import OutputError as OutputError
 from .errors import SceneCutWarning as SceneCutWarning

@@ -281,7 +281,7 @@ class FrameWatcher(NeedsConfidence, Protocol):
 
 
 class SilentObserver:
-    """Observer that does nothing."""
+    """Observer that does nothing, as a base of those that need some of the methods."""
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None: ...
     def ready(self) -> None: ...

@@ -5,6 +5,7 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 """
 
 import math
+from textwrap import shorten
 
 from fpsboost.media.errors import (
     CompleteAlreadyError,
@@ -22,10 +23,8 @@ from fpsboost.media.errors import (
 )
 
 __all__ = [
-    "MAX_REASON",
     "STANDARD_OUTPUT",
     "CancelledError",
-    "ClusterError",
     "CompleteAlreadyError",
     "EncryptedError",
     "ExistsError",
@@ -42,6 +41,7 @@ __all__ = [
     "explained",
     "format_duration",
     "notes_of",
+    "reason_of",
     "rounded",
     "undone_by",
 ]
@@ -60,10 +60,6 @@ class ReaderGoneError(OutputError):
 
 class CancelledError(FpsboostError):
     """Error for a conversion that was ended by `cancel`."""
-
-
-class ClusterError(FpsboostError):
-    """Error for a cluster whose scheduler is out of reach, or whose workers die or are set up differently."""
 
 
 def notes_of(error: BaseException) -> str:
@@ -100,8 +96,20 @@ MAX_REASON = 200
 """Maximum number of characters of the text of an unexpected error."""
 
 
-def explain(error: OSError | MemoryError, name: str = STANDARD_OUTPUT) -> str:
-    """Return a sentence about an error that the library has not explained, such as one from an unchecked path."""
+def explain(error: BaseException, name: str = STANDARD_OUTPUT) -> str:
+    """Return the sentence of an error of the library, or one about an error of the system or of memory.
+
+    `name` is what an error of the system is about if it names no file itself. Any other error is a fault.
+    """
+    if isinstance(error, FpsboostError):
+        return str(error)
     if isinstance(error, MemoryError):
         return "There is not enough memory for this; scale it down, or close other programs."
-    return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."
+    if isinstance(error, OSError):
+        return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."
+    return f"This is a fault in fpsboost ({reason_of(error)}); report it."
+
+
+def reason_of(error: BaseException) -> str:
+    """Return kind and text of an unexpected error, shortened."""
+    return shorten(f"{type(error).__name__}: {error}", MAX_REASON)

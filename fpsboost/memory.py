@@ -21,7 +21,7 @@ from typing import Annotated
 from fpsboost.errors import FpsboostError, InputError, OptionError, rounded
 from fpsboost.options import Checked, Range
 
-AT_LEAST = 300_000_000
+BASE_BYTES = 300_000_000  # memory that a conversion takes whatever the size of its frames
 BYTES_PER_PIXEL = 400
 """Bytes per pixel for all frames in memory at a time, the results computed from them, and the encoder's frames, where
 neither method nor output are known."""
@@ -51,10 +51,10 @@ def address_space() -> int:
         import resource  # noqa: PLC0415
 
         soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-        if soft != resource.RLIM_INFINITY and soft <= ADDRESS_SPACE + AT_LEAST:
+        if soft != resource.RLIM_INFINITY and soft <= ADDRESS_SPACE + BASE_BYTES:
             raise FpsboostError(
                 "The limit of address space is too low to load the libraries; allow more than "
-                f"{readable_size(ADDRESS_SPACE + AT_LEAST)} with ulimit -v."
+                f"{readable_size(ADDRESS_SPACE + BASE_BYTES)} with ulimit -v."
             )
         return sys.maxsize if soft == resource.RLIM_INFINITY else soft - ADDRESS_SPACE
     return sys.maxsize
@@ -121,7 +121,7 @@ class MemoryLimit(Checked):
         return min(self.bytes, address_space())
 
     def _needed(self, width: int, height: int, planes: int) -> int:
-        return AT_LEAST + (self.bytes_per_pixel + BYTES_PER_PLANE * planes) * width * height
+        return BASE_BYTES + (self.bytes_per_pixel + BYTES_PER_PLANE * planes) * width * height
 
 
 def parse_memory(text: str, option: str = "`limit`") -> MemoryLimit:

@@ -117,24 +117,17 @@ def options_from(cls: type, given: Mapping[str, Any]) -> Any:
 
     Others are left out. Raises `OptionError` where a text cannot be read.
     """
-    own = {each.name for each in fields(cls)} & given.keys()
-    values = {flag.field: flag.value(given[flag.field]) for flag in flags_of(cls) if flag.field in own}
-    nested = {each.name: type(each.default) for each in fields(cls) if is_dataclass(each.default)}
-    return cls(**values, **{name: options_from(kind, given) for name, kind in nested.items()})
-
-
-def words_of(options: Mapping[str, object]) -> list[str]:
-    """Return the given options as words of the command line; True stands for an option without a value."""
-    words = list[str]()
-    for option, value in options.items():
-        if value is not None and value is not False:
-            words += [option] if value is True else [option, str(value)]
-    return words
+    values = {flag.field: flag.value(given[flag.field]) for flag in flags_of(cls) if flag.field in given}
+    return with_options(cls(), values, cls.__name__)
 
 
 def words_of_options(*options: Any) -> list[str]:
     """Return what differs from the defaults in objects of options, as words of the command line."""
-    return words_of({name: value for each in options for name, value in given_in(each)})
+    words = list[str]()
+    for each in options:
+        for flag, value in given_in(each):
+            words += [flag] if value is True else [flag, str(value)]
+    return words
 
 
 def given_in(options: Any) -> Iterator[tuple[str, object]]:
@@ -310,9 +303,16 @@ NUMBERS: Mapping[Any, type] = {int: Integral, float: Real, Fraction: Rational}
 """Abstract types of numbers, which those of NumPy are, too."""
 
 DESCRIPTIONS: Mapping[Any, str] = {
-    **{bool: "True or False", int: "a whole number", float: "a number", Fraction: "a fraction", str: "text"},
-    **dict.fromkeys((os.PathLike, Path), "a path"),
-    **dict.fromkeys((tuple, Sequence, Iterable), "a sequence"),
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    Fraction: "a fraction",
+    str: "text",
+    os.PathLike: "a path",
+    Path: "a path",
+    tuple: "a sequence",
+    Sequence: "a sequence",
+    Iterable: "a sequence",
     Callable: "a function",
 }
 """What messages call types."""

@@ -11,11 +11,11 @@ from fpsboost.pair import triplewise
 from fpsboost.remarks import Remarks
 from fpsboost.timing.position import MAX_RUN, TOO_LONG, Replacement, as_ranges
 
-SHARE = 0.78
+MAX_MATCH_RATIO = 0.78
 """Largest match score of a band of a damaged frame, as a fraction of that of its neighbours with each other. It is 0.83
 and more in 27 clips without damage."""
-LEAST = 0.3  # match score of the neighbours in a band that is looked at
-BAND = 0.2  # height of a band, as a fraction of that of the frame
+MIN_MATCH = 0.3  # match score of the neighbours with each other from which a band is looked at
+BAND_HEIGHT = 0.2  # height of a band, as a fraction of that of the frame
 CERTAIN_AFTER = 2
 """Number of frames, from where reading begins, of which it is not certain whether they are damaged."""
 
@@ -41,9 +41,9 @@ def _standing_out(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
         matched = nothing_known if after is None else _match(frame, after)
         own = _bands(np.maximum(matched_before, matched))
         is_out = False
-        if before is not None and after is not None and own.min() < SHARE:  # or no match can exceed it enough
+        if before is not None and after is not None and own.min() < MAX_MATCH_RATIO:  # or no match can exceed it enough
             across = _bands(_match(before, after))
-            is_out = bool(((own < SHARE * across) & (across >= LEAST)).any())
+            is_out = bool(((own < MAX_MATCH_RATIO * across) & (across >= MIN_MATCH)).any())
         yield frame, is_out
         matched_before = matched
 
@@ -55,7 +55,7 @@ def _match(frame0: SourceFrame, frame1: SourceFrame) -> np.ndarray:
 
 def _bands(matched: np.ndarray) -> np.ndarray:
     """Return the means of all bands of lines."""
-    lines = max(1, round(BAND * len(matched)))
+    lines = max(1, round(BAND_HEIGHT * len(matched)))
     return np.convolve(matched.mean(axis=1), np.full(lines, 1 / lines), "valid")
 
 

@@ -18,7 +18,7 @@ from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
 from fpsboost.memory import (
     ADDRESS_SPACE,
-    AT_LEAST,
+    BASE_BYTES,
     BYTES_PER_PIXEL,
     BYTES_PER_PIXEL_OF_A_THREAD,
     MemoryLimit,
@@ -30,7 +30,7 @@ from support.command_line import assert_refused
 from support.video_truth import scene, write_clip
 
 HUGE = 60000
-SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)  # just enough for 64x48
+SMALL = MemoryLimit(BASE_BYTES + BYTES_PER_PIXEL * 64 * 48)  # just enough for 64x48
 
 
 def chunk(name: bytes, data: bytes) -> bytes:
@@ -151,7 +151,7 @@ def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images
 )
 def test_where_the_address_space_ends(fpsboost_, tmp_path, save_images, monkeypatch, left, said):
     """Too little for the libraries, or for a clip, is one sentence, and nothing is begun."""
-    limit = ADDRESS_SPACE + AT_LEAST + left
+    limit = ADDRESS_SPACE + BASE_BYTES + left
     monkeypatch.setattr("resource.getrlimit", lambda _: (limit, limit))
     save_images(tmp_path / "in", count=2)
     assert_refused(fpsboost_("in", "out", "--method", "blend"), 1, said)
@@ -162,7 +162,7 @@ def test_as_many_threads_as_memory_reaches_for(tmp_path, monkeypatch):
     pixels, taken = 640 * 480, []
     for cores, further, threads in ((8, 0, 1), (8, -5, 1), (8, 2, 3), (2, 100, 2)):
         left = further * BYTES_PER_PIXEL_OF_A_THREAD * pixels
-        limit = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * pixels + left)
+        limit = MemoryLimit(BASE_BYTES + BYTES_PER_PIXEL * pixels + left)
         assert limit.affordable_threads(640, 480, cores) == threads
 
     def take(*_: object, threads: int, **__: object) -> None:
@@ -170,12 +170,14 @@ def test_as_many_threads_as_memory_reaches_for(tmp_path, monkeypatch):
         raise InterruptedError
 
     with monkeypatch.context() as limited:
-        limited.setattr(memory, "address_space", lambda: AT_LEAST)
+        limited.setattr(memory, "address_space", lambda: BASE_BYTES)
         assert MemoryLimit(10**10).affordable_threads(640, 480, 8) == 1
     monkeypatch.setattr("fpsboost.conversion.run_conversion", take)
     monkeypatch.setattr("fpsboost.conversion.available_cores", lambda: 9)
     write_clip(tmp_path / "in.mp4")
-    limit = MemoryLimit(AT_LEAST + (150 + 270 + 3 * BYTES_PER_PIXEL_OF_A_THREAD) * 64 * 48)  # of `nlm`, and the encoder
+    limit = MemoryLimit(
+        BASE_BYTES + (150 + 270 + 3 * BYTES_PER_PIXEL_OF_A_THREAD) * 64 * 48
+    )  # of `nlm`, and the encoder
     for number in (None, 7):
         with pytest.raises(InterruptedError):
             convert(str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4"), run=RunOptions(limit=limit, threads=number))
@@ -185,7 +187,7 @@ def test_as_many_threads_as_memory_reaches_for(tmp_path, monkeypatch):
 def test_stream_takes_no_more_than_its_method_needs(tmp_path, save_images, monkeypatch):
     """What suffices for blending is too little for a method whose need was not measured."""
     save_images(tmp_path / "in", count=2)
-    monkeypatch.setattr(memory, "address_space", lambda: AT_LEAST + 70 * 64 * 48)
+    monkeypatch.setattr(memory, "address_space", lambda: BASE_BYTES + 70 * 64 * 48)
     assert len(list(stream(tmp_path / "in", method="blend"))) == 4
     with pytest.raises(InputError, match="64x48, which takes about"):
         list(stream(tmp_path / "in", method="dis"))

@@ -1,25 +1,15 @@
-"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code.
-
-Signals ask a process to stop; requests are repeated until they have an effect.
-"""
+"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code."""
 
 from __future__ import annotations
 
 import gc
 import os
 import re
-import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Sequence
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from textwrap import shorten
-from threading import Timer, main_thread
-from traceback import walk_stack
-from types import FrameType
 from typing import Annotated, Literal
 
 from cyclopts import App, CoercionError, CycloptsError, Group, MissingArgumentError, Parameter, UnusedCliTokensError
@@ -29,6 +19,7 @@ from rich.table import Table
 
 from fpsboost import __version__
 from fpsboost.cli import stop_signals
+from fpsboost.cli.errors import PIPE, all_explained, standard_output_finished
 from fpsboost.cli.messages import (
     LibraryTexts,
     as_objects,
@@ -52,29 +43,17 @@ from fpsboost.cli.options import (
     MethodOptions,
     PathName,
     TuningOptions,
-    check_named_once,
     default_text,
     with_flags,
 )
-from fpsboost.cluster import ClusterOptions, convert_where
-from fpsboost.conflicts import check_together
-from fpsboost.errors import (
-    MAX_REASON,
-    STANDARD_OUTPUT,
-    CompleteAlreadyError,
-    FpsboostError,
-    OptionError,
-    ReaderGoneError,
-    explain,
-    notes_of,
-)
+from fpsboost.cli.stopping import stopping_on
+from fpsboost.cluster import ClusterOptions
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.media import discard_unfinished
 from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.remarks import Remarks
 from fpsboost.run_options import RunOptions
-from fpsboost.threads import one_opencv_thread
 from fpsboost.timing.options import Timing
 
 EXAMPLES = """
@@ -136,9 +115,6 @@ fi
 
 group_of_join = Group("Options", sort_key=1)
 
-PIPE = "pipe:"
-"""Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
-
 app = App(
     name="fpsboost",
     help="Raise the frame rate of a video or an image sequence.",
@@ -189,61 +165,23 @@ def convert(
     """
     gc.disable()  # until the first frame is read: importing makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV and FFmpeg
-    from fpsboost.cli import batch  # noqa: PLC0415
-    from fpsboost.preparation import ConversionJob, output_beside  # noqa: PLC0415
+    from fpsboost.cli.batch import Conversions  # noqa: PLC0415
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
+    check_is_no_command(input)
+    conversions = Conversions(
+        timing, interpolator, motion.method, decoding, encoding, run_options, where, messages, dry_run=dry_run
+    )
+    conversions.convert([input, *([] if output is None else [output]), *more])
 
-    announced = Remarks()  # the remark on the last image, which is printed once for several inputs
 
-    def run(input: str, output: str | None, place: str = "") -> None:
-        target = input if output is None else output
-        batch.check_ending(input, target)
-        job = ConversionJob(input, output, timing, interpolator, decoding, encoding)
-        if dry_run:
-            from fpsboost.cli.dry_run import say_dry_run  # noqa: PLC0415 (a page's code is slow to import)
-
-            with one_opencv_thread():
-                say_dry_run(job, run_options)
-            return
-        if run_options.chunk is not None:
-            target = str(run_options.chunk.folder(target))
-        called = "standard output" if output == PIPE else target
-        unfinished = None if run_options.resume or output in (None, PIPE) else target
-        with (
-            native_stderr_captured(),
-            all_explained([input], unfinished),
-            reporter_of(called, messages, place) as reporter,
-            one_opencv_thread(),
-        ):
-            reporter.say_settings(motion.method, interpolator)
-            summary = convert_where(where, job, replace(run_options, observer=reporter))
-        if job.target(run_options).kind == "images" and not run_options.in_place and not announced:
-            batch.remark_on_last_image(announced, summary.frames_in, summary.frames_out, timing.multiple)
-            summary.remarks += announced
-        reporter.say_summary(summary, in_place=run_options.in_place)
-
-    if not Path(input).suffix and not os.path.exists(input):
-        names = {name.strip("-"): name for name in app}
-        for meant in get_close_matches(input.lower(), names, 1):
-            raise OptionError(f"{input} is neither a command nor a file; did you mean fpsboost {names[meant]}?")
-    paths = [input, *([] if output is None else [output]), *more]
-    inputs = paths if run_options.in_place else paths[:-1]
-    check_named_once(inputs)
-    if batch.is_pair(inputs) and not run_options.in_place:
-        input = ",".join(inputs)
-        output = paths[-1]
-        inputs = [input]
-    if len(inputs) <= 1:
-        run(input, None if run_options.in_place else output or output_beside(input, timing))
+def check_is_no_command(input: str) -> None:
+    """Raise `OptionError` if an input that does not exist is spelled almost like a command."""
+    if Path(input).suffix or os.path.exists(input):
         return
-    check_together(interpolator.names_given() | run_options.names_given() | {"several inputs"})
-    if dry_run:
-        messages = replace(messages, quiet=True, progress="bar")
-    if run_options.in_place:
-        batch.convert_all(inputs, [None] * len(inputs), run, messages)
-    else:
-        batch.convert_each(inputs, paths[-1], run, messages)
+    names = {name.strip("-"): name for name in app}
+    for meant in get_close_matches(input.lower(), names, 1):
+        raise OptionError(f"{input} is neither a command nor a file; did you mean fpsboost {names[meant]}?")
 
 
 app.command(
@@ -435,131 +373,3 @@ def _usage_sentence(error: CycloptsError, command: str) -> str:
         return str(error)
     lacks = f"{name} needs a value; write one that begins with a dash as {name}=-1."
     return lacks if name.startswith("-") else f"{name} is missing."
-
-
-@contextmanager
-def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[None]:
-    """Convert unexpected exceptions in a block to `FpsboostError` with one sentence.
-
-    Errors of the system and of memory are explained. After any other exception, a fault of fpsboost, the unfinished
-    output is removed, since the same job would fail again.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Arguments of the command; the first that is an existing file is named in the sentence.
-    output : str, optional
-        Output whose unfinished part is removed after a fault; without it, nothing is.
-    """
-    try:
-        yield
-    except (FpsboostError, CycloptsError):
-        raise
-    except ImportError as error:  # the kernels' own error already gives advice
-        others = f"{error.name} cannot be imported ({error}); run fpsboost doctor to see which packages are missing."
-        raise FpsboostError(others if error.name else str(error)) from error
-    except (OSError, MemoryError) as error:
-        raise FpsboostError(explain(error, STANDARD_OUTPUT if output is None else names[0])) from error
-    except Exception as error:
-        name = next((each for each in names if os.path.exists(each)), next(iter(names), "The command"))
-        name = "Standard input" if name == PIPE else name
-        if output is not None:
-            discard_unfinished(output)
-        reason = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
-        raise FpsboostError(
-            f"{name} could not be processed because of a fault in fpsboost ({reason}); give --verbose for details, and "
-            "report it."
-        ) from error
-
-
-@contextmanager
-def standard_output_finished() -> Iterator[None]:
-    """Flush standard output at the end of a block, as Python would do it later, with its own exit code."""
-    try:
-        yield
-        if sys.stdout is not None:  # closed
-            sys.stdout.flush()
-    except OSError as error:
-        # errors of other files have no name either, but those are explained
-        if error.filename is None and sys.stdout is not None:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python still flushes
-        if isinstance(error, BrokenPipeError):
-            raise ReaderGoneError from None
-        raise
-
-
-AGAIN_AFTER = 0.05
-"""Time after which a request to stop is repeated, seconds."""
-
-
-@contextmanager
-def stopping_on(*numbers: int) -> Iterator[None]:
-    """Let signals stop a block of the main thread like Ctrl-C, so that no incomplete output remains; then at once.
-
-    A `KeyboardInterrupt` can be lost: in a destructor, in a callback of a compiled library, or where closing a file
-    raises another error in its place. The request is therefore repeated until the block ends, but never while the
-    exception is on its way, so that cleaning up is not disturbed.
-    """
-    request = _Request()
-    for number in numbers:
-        signal.signal(number, request.receive)
-    sys.unraisablehook = _report_unless_interrupted
-    sys.excepthook = lambda *error: None  # called by Cython alone here, which calls the other hook for the same error
-    try:
-        yield
-    finally:
-        request.end()
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
-        sys.unraisablehook = sys.__unraisablehook__
-        sys.excepthook = sys.__excepthook__
-
-
-class _Request:
-    """Request to stop by a signal, and the timer that repeats it."""
-
-    def __init__(self) -> None:
-        self._timer: Timer | None = None
-        self._is_repeated = False
-
-    def receive(self, number: int, frame: FrameType | None) -> None:
-        """Raise `KeyboardInterrupt`, and start the timer that repeats the request.
-
-        It is not raised where it would be lost, during an import, nor while one that was raised before is being
-        handled, unless a user asks again.
-        """
-        is_repeated = self._is_repeated
-        self._is_repeated = False
-        self.end()
-        self._timer = Timer(AGAIN_AFTER, self._repeat, [number])
-        self._timer.daemon = True
-        self._timer.start()
-        modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
-        if "importlib._bootstrap" not in modules and not (is_repeated and _is_on_its_way(sys.exc_info()[1])):
-            raise KeyboardInterrupt
-
-    def end(self) -> None:
-        """Stop the timer."""
-        if self._timer is not None:
-            self._timer.cancel()
-
-    def _repeat(self, number: int) -> None:
-        """Send the signal again, to the main thread."""
-        self._is_repeated = True
-        if sys.platform == "win32":
-            signal.raise_signal(number)
-        else:  # in the main thread, so that it wakes from waiting
-            signal.pthread_kill(main_thread().ident or 0, number)
-
-
-def _is_on_its_way(error: BaseException | None) -> bool:
-    """Return whether an exception that is being handled is a `KeyboardInterrupt`, or was raised while one was."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__context__
-    return error is not None
-
-
-def _report_unless_interrupted(unraisable: sys.UnraisableHookArgs) -> None:
-    """Report an exception that cannot be raised, except `KeyboardInterrupt`, whose request is repeated."""
-    if unraisable.exc_type is not KeyboardInterrupt:
-        sys.__unraisablehook__(unraisable)

@@ -1,26 +1,158 @@
-"""Conversion of several inputs into one folder; an input that fails does not stop the rest."""
+"""Conversion of one input or of several; one that fails does not stop the rest."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
-from fpsboost.cli.options import MessageOptions
+import fpsboost
+from fpsboost.cli.errors import PIPE, all_explained
+from fpsboost.cli.messages import (
+    console,
+    literal,
+    native_stderr_captured,
+    reporter_of,
+    say_error,
+    say_traceback,
+    sentence,
+)
+from fpsboost.cli.options import MessageOptions, check_named_once
+from fpsboost.cluster import ClusterOptions, convert_where
+from fpsboost.conflicts import check_together
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation import is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.source import is_pattern, pictures_in
 from fpsboost.io.opening import PIPES
-from fpsboost.preparation import OUTPUT_SUFFIXES, name_in_folder
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.preparation import OUTPUT_SUFFIXES, ConversionJob, name_in_folder, output_beside
 from fpsboost.remarks import Remarks
+from fpsboost.run_options import RunOptions
+from fpsboost.threads import one_opencv_thread
+from fpsboost.timing.options import Timing
 
-Convert = Callable[[str, str | None, str], None]
-"""Function that converts an input to an output, None for beside it; the third text numbers it, such as ``2/5``."""
+
+@dataclass
+class Conversions:
+    """Conversions by one command, which differ in input and output alone."""
+
+    timing: Timing
+    method: fpsboost.Interpolator
+    method_name: str
+    decoding: DecodeOptions
+    encoding: Encoding
+    run: RunOptions
+    where: ClusterOptions
+    messages: MessageOptions
+    dry_run: bool
+    """Whether nothing is written, and the output estimated instead."""
+    _explains_last_image: bool = True
+    """Whether there may be a remark on the last image, which is printed once."""
+
+    def convert(self, paths: Sequence[str]) -> None:
+        """Convert the inputs on the command line, of which the last path is the output if it is not alone.
+
+        With `in_place` there is no output. Raises `OptionError` for options that go with one input only.
+        """
+        inputs = list(paths)
+        output = None
+        if not self.run.in_place:
+            output = inputs.pop() if len(inputs) > 1 else ""
+        check_named_once(inputs)
+        if output is not None and is_pair(inputs):
+            inputs = [",".join(inputs)]
+        if len(inputs) == 1:
+            self._convert(inputs[0], output_beside(inputs[0], self.timing) if output == "" else output)
+            return
+        check_together(self.method.names_given() | self.run.names_given() | {"several inputs"})
+        if self.dry_run:
+            self.messages = replace(self.messages, quiet=True, progress="bar")
+        if output is None:
+            self._convert_all(inputs, [None] * len(inputs))
+        else:
+            self._convert_into(inputs, output)
+
+    def _convert(self, input: str, output: str | None, place: str = "") -> None:
+        """Convert an input to an output, None for beside it; `place` numbers it, such as ``2/5 ``."""
+        target = input if output is None else output
+        check_ending(input, target)
+        job = ConversionJob(input, output, self.timing, self.method, self.decoding, self.encoding)
+        if self.dry_run:
+            from fpsboost.cli.dry_run import say_dry_run  # noqa: PLC0415 (a page's code is slow to import)
+
+            with one_opencv_thread():
+                say_dry_run(job, self.run)
+            return
+        if self.run.chunk is not None:
+            target = str(self.run.chunk.folder(target))
+        unfinished = None if self.run.resume or output in (None, PIPE) else target
+        with (
+            native_stderr_captured(),
+            all_explained([input], unfinished),
+            reporter_of("standard output" if output == PIPE else target, self.messages, place) as reporter,
+            one_opencv_thread(),
+        ):
+            reporter.say_settings(self.method_name, self.method)
+            summary = convert_where(self.where, job, replace(self.run, observer=reporter))
+        if job.target(self.run).kind == "images" and not self.run.in_place and self._explains_last_image:
+            count = len(summary.remarks)
+            remark_on_last_image(summary.remarks, summary.frames_in, summary.frames_out, self.timing.multiple)
+            self._explains_last_image = len(summary.remarks) == count
+        reporter.say_summary(summary, in_place=self.run.in_place)
+
+    def _convert_into(self, inputs: Sequence[str], folder: str) -> None:
+        """Convert every input into a folder, which is made if missing, and removed again if it is empty at the end."""
+        outputs = plan_outputs(inputs, folder)
+        is_new = not os.path.isdir(folder)
+        if is_new and not os.path.isdir(Path(folder).absolute().parent):
+            raise OutputError(f"The folder {Path(folder).parent} does not exist; create it first.")
+        with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
+            Path(folder).mkdir(exist_ok=True)
+        try:
+            self._convert_all(inputs, outputs)
+        finally:
+            if is_new:
+                with suppress(OSError):
+                    Path(folder).rmdir()  # fails unless it is empty
+
+    def _convert_all(self, inputs: Sequence[str], outputs: Sequence[str | None]) -> None:
+        """Convert every input to its output, or into its own folder where that is None.
+
+        An input that fails is reported, and the next one follows; at the end the process exits with code 1 if any has
+        failed.
+        """
+        errors = console()
+        done = 0
+        failed = []
+        try:
+            for number, (path, output) in enumerate(zip(inputs, outputs, strict=True), 1):
+                try:
+                    self._convert(path, output, f"{number}/{len(inputs)} ")
+                    done += 1
+                except CompleteAlreadyError as already:
+                    if self.messages.prints_text:
+                        errors.print(sentence(str(already)))
+                    done += 1
+                except FpsboostError as error:
+                    if self.messages.verbose:
+                        say_traceback()
+                    say_error(errors, error)
+                    failed.append(path)
+        except KeyboardInterrupt as stopped:
+            stopped.add_note(f"{done} of {len(inputs)} inputs were converted.")
+            raise
+        if failed:
+            names = literal(", ".join(failed))
+            errors.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {names}.")
+            sys.exit(1)
+        if self.messages.prints_text:
+            errors.print(f"All {len(inputs)} inputs were converted.")
 
 
 def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
@@ -29,12 +161,11 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
     Raises `OptionError` if the last argument is not a folder, or two inputs would get the same output.
     """
-    is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for impossible names
-    is_file = os.path.exists(folder) and not is_folder
-    looks_like_file = not is_folder and extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
     if {folder, *inputs} & {*PIPES}:
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
-    if is_file or looks_like_file or is_pattern(folder):
+    is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for impossible names
+    is_file = os.path.exists(folder) or extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
+    if (is_file and not is_folder) or is_pattern(folder):
         raise OptionError(f"{folder} is not a folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs = [name_in_folder(path, Path(folder)) for path in inputs]
     by_output: dict[str, str] = {}
@@ -65,54 +196,3 @@ def check_ending(input: str, output: str) -> None:
     if output and is_video and not (Path(output).suffix or is_meant):
         ending = extension_of(input) if extension_of(input) in OUTPUT_SUFFIXES else ".mp4"
         raise OptionError(f"{output} has no extension; write {output}{ending}, or {output}/ for a folder of images.")
-
-
-def convert_each(inputs: Sequence[str], folder: str, convert: Convert, options: MessageOptions) -> None:
-    """Convert every input into a folder, which is made if missing, and removed again if it is empty at the end."""
-    outputs = plan_outputs(inputs, folder)
-    is_new = not os.path.isdir(folder)
-    if is_new and not os.path.isdir(Path(folder).absolute().parent):
-        raise OutputError(f"The folder {Path(folder).parent} does not exist; create it first.")
-    with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
-        Path(folder).mkdir(exist_ok=True)
-    try:
-        convert_all(inputs, outputs, convert, options)
-    finally:
-        if is_new:
-            with suppress(OSError):
-                Path(folder).rmdir()  # fails unless it is empty
-
-
-def convert_all(
-    inputs: Sequence[str], outputs: Sequence[str | None], convert: Convert, options: MessageOptions
-) -> None:
-    """Convert every input to its output, or into its own folder where that is None.
-
-    An input that fails is reported, and the next one follows; at the end the process exits with code 1 if any has
-    failed.
-    """
-    messages = console()
-    done = 0
-    failed = []
-    try:
-        for number, (path, output) in enumerate(zip(inputs, outputs, strict=True), 1):
-            try:
-                convert(path, output, f"{number}/{len(inputs)} ")
-                done += 1
-            except CompleteAlreadyError as already:
-                if options.prints_text:
-                    messages.print(sentence(str(already)))
-                done += 1
-            except FpsboostError as error:
-                if options.verbose:
-                    say_traceback()
-                say_error(messages, error)
-                failed.append(path)
-    except KeyboardInterrupt as stopped:
-        stopped.add_note(f"{done} of {len(inputs)} inputs were converted.")
-        raise
-    if failed:
-        messages.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {literal(', '.join(failed))}.")
-        sys.exit(1)
-    if options.prints_text:
-        messages.print(f"All {len(inputs)} inputs were converted.")

@@ -9,7 +9,7 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import chain
@@ -40,7 +40,7 @@ from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError, choose_one
 from fpsboost.io.new_output import check_new_folder
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.media import check_writable
+from fpsboost.media import check_writable, counted
 from fpsboost.options import words_of_options
 
 FIGURES = {
@@ -97,9 +97,9 @@ def compare(
     chosen = {clip: choose(method_options.methods, folder, at_cuts) for clip, folder in folders.items()}
     ours, skipped = chosen[input]
     if results.fail_under is not None:
-        asked = split_methods(method_options.methods)[0]
         if not math.isfinite(results.fail_under):
             raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
+        asked = split_methods(method_options.methods)[0]
         if ours and asked in skipped:
             raise OptionError(f"--fail-under checks {asked}, which cannot be run here; name another method first.")
     metrics = evaluation.choose_metrics(results.metrics)
@@ -112,7 +112,7 @@ def compare(
             with Progressing(quiet=results.quiet) as progress:
                 intervals = partial(hold_out.intervals, clip)
                 ours, skipped = chosen[clip]
-                compared_methods = ours | dict(others.compared_methods(intervals, Path(scratch), progress.begin))
+                compared_methods = ours | dict(interpolated_by(others, intervals, Path(scratch), progress.begin))
                 comparison = run(
                     clip,
                     compared_methods,
@@ -120,34 +120,36 @@ def compare(
                     progress,
                     skipped=skipped,
                     rendered=tuple(words_of_options(rendered[clip])),
-                    others=others.words(),
+                    others=tuple(word for tool in others for word in (tool.option, f"{tool.name}={tool.value}")),
                     vectors=folders[clip],
                     cuts=at_cuts.applied_to(fpsboost.find_method("nlm")).cuts,
                     cut_options=tuple(words_of_options(at_cuts)),
                     metrics=metrics,
                 )
-            print_comparison(comparison, compared_methods, console)
             compared.append(evaluation.ComparedClip(comparison, compared_methods))
+            print_comparison(compared[-1], console)
         write_results(compared, results, console)
     if results.fail_under is not None:
-        psnr = evaluation.psnr_of_clips([clip.comparison for clip in compared])
-        first = next(iter(psnr))
-        reached = fmean(psnr[first])
-        if reached < results.fail_under:
-            reason = f"{first} reaches {reached:.2f} dB, below the {results.fail_under:g} dB of --fail-under."
-            messages.console().print(f"[red]fpsboost:[/] {literal(reason)}")
-            sys.exit(EXIT_BELOW_LIMIT)
+        exit_if_below(results.fail_under, [clip.comparison for clip in compared])
 
 
-def print_comparison(
-    comparison: evaluation.Comparison, compared_methods: Mapping[str, evaluation.ComparedMethod], console: Console
-) -> None:
+def exit_if_below(limit: float, comparisons: Sequence[evaluation.Comparison]) -> None:
+    """Exit with `EXIT_BELOW_LIMIT` if the mean PSNR of the first method is below a limit, dB."""
+    first, psnr = next(iter(evaluation.psnr_of_clips(comparisons).items()))
+    reached = fmean(psnr)
+    if reached < limit:
+        reason = f"{first} reaches {reached:.2f} dB, below the {limit:g} dB of --fail-under."
+        messages.console().print(f"[red]fpsboost:[/] {literal(reason)}")
+        sys.exit(EXIT_BELOW_LIMIT)
+
+
+def print_comparison(clip: evaluation.ComparedClip, console: Console) -> None:
     """Print the advice first, then the tables, reasons and remarks of a comparison."""
-    advice, *reasons = evaluation.judge(comparison).sentences
+    advice, *reasons = evaluation.judge(clip.comparison).sentences
     console.print(sentence(advice), style="bold", soft_wrap=True)
-    for table in tables(comparison):
+    for table in tables(clip.comparison):
         console.print(table)
-    for line in [*reasons, *remarks(comparison, compared_methods)]:
+    for line in [*reasons, *remarks(clip)]:
         console.print(sentence(line))
 
 
@@ -212,8 +214,7 @@ def check_results(results: ResultOptions) -> None:
 
 def tables(comparison: evaluation.Comparison) -> list[Table]:
     """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
-    count = len(comparison.hidden)
-    title = f"{literal(comparison.clip)}: {count} {'frame' if count == 1 else 'frames'} of {comparison.kind}"
+    title = f"{literal(comparison.clip)}: {counted(len(comparison.hidden), 'frame')} of {comparison.kind}"
     columns = {name: evaluation.COLUMNS[name] for name in FIGURES}
     all_tables = [figure_table("method", title, FIGURES.values(), evaluation.named_rows(comparison, columns))]
     if comparison.areas:
@@ -237,14 +238,15 @@ def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[e
     return table
 
 
-def remarks(comparison: evaluation.Comparison, compared_methods: Mapping[str, evaluation.ComparedMethod]) -> list[str]:
+def remarks(clip: evaluation.ComparedClip) -> list[str]:
     """Return the remarks below the tables."""
+    comparison = clip.comparison
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
     lines = [f"Of the picture: {shares}."]
     if comparison.cuts:
-        are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
-        lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
-    lines += [f"Note: {note}" for note in comparison.notes(compared_methods)]
+        are = "is" if len(comparison.cuts) == 1 else "are"
+        lines.append(f"Note: {counted(len(comparison.cuts), 'frame')} across a scene cut {are} not counted.")
+    lines += [f"Note: {note}" for note in clip.notes()]
     lines += [f"Note: {name} was skipped, {reason}." for name, reason in comparison.skipped.items()]
     return lines
 
@@ -262,15 +264,10 @@ class Progressing(ExitStack):
         super().__init__()
         console = Console(stderr=True)
         columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} frames")
-        self._progress = self.enter_context(
-            Progress(
-                *columns,
-                TimeRemainingColumn(compact=True),
-                console=console,
-                transient=True,
-                disable=quiet or not console.is_terminal,
-            )
-        )
+        time_left = TimeRemainingColumn(compact=True)
+        is_hidden = quiet or not console.is_terminal
+        progress = Progress(*columns, time_left, console=console, transient=True, disable=is_hidden)
+        self._progress = self.enter_context(progress)
         self._task: TaskID | None = None
 
     def begin(self, name: str, frames: int | None) -> None:
@@ -336,52 +333,51 @@ def choose(
     return compared_methods, skipped
 
 
-class Others(NamedTuple):
-    """Other tools of a comparison: folders of ``--frames`` and commands of ``--peer``, by name."""
+class OtherTool(NamedTuple):
+    """Another tool of a comparison, by its option of the command line."""
 
-    folders: dict[str, str]
-    commands: dict[str, str]
-
-    def words(self) -> tuple[str, ...]:
-        """Return the words of the command line that give these tools again."""
-        return tuple(
-            word
-            for option, given in (("--frames", self.folders), ("--peer", self.commands))
-            for name, value in given.items()
-            for word in (option, f"{name}={value}")
-        )
-
-    def compared_methods(
-        self, intervals: Callable[[], Iterable[evaluation.Interval]], scratch: Path, begin: Callable[[str, None], None]
-    ) -> Iterator[tuple[str, evaluation.ComparedMethod]]:
-        """Yield the tools by name: folders matched with the clip of `intervals`, and commands after running them.
-
-        Commands write their frames to folders in `scratch`, which must last as long as the tools.
-        """
-
-        for name, folder in self.folders.items():
-            begin(name, None)
-            yield name, evaluation.find_frames(name, Path(folder), intervals())
-        for name, command in self.commands.items():
-            begin(name, None)
-            yield name, evaluation.run_peer(name, command, intervals(), Path(tempfile.mkdtemp(dir=scratch)))
+    option: str
+    """``--frames``, or ``--peer``."""
+    name: str
+    value: str
+    """Folder of its frames, or its command."""
 
 
-def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
+def interpolated_by(
+    others: Sequence[OtherTool],
+    intervals: Callable[[], Iterable[evaluation.Interval]],
+    scratch: Path,
+    begin: Callable[[str, None], None],
+) -> Iterator[tuple[str, evaluation.ComparedMethod]]:
+    """Yield tools by name: folders matched with the clip of `intervals`, and commands after running them.
+
+    Commands write their frames to folders in `scratch`, which must last as long as the tools.
+    """
+    for tool in others:
+        begin(tool.name, None)
+        if tool.option == "--frames":
+            yield tool.name, evaluation.find_frames(tool.name, Path(tool.value), intervals())
+        else:
+            yield (
+                tool.name,
+                evaluation.run_peer(tool.name, tool.value, intervals(), Path(tempfile.mkdtemp(dir=scratch))),
+            )
+
+
+def name_others(frames: Sequence[str], peers: Sequence[str]) -> list[OtherTool]:
     """Parse ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times."""
-    others = Others({}, {})
+    others = list[OtherTool]()
     taken = {*evaluation.method_names(), "all", "truth"}
-    for option, texts, value, found in (
-        ("--frames", frames, "FOLDER", others.folders),
-        ("--peer", peers, "'COMMAND {in} {out}'", others.commands),
-    ):
-        for text in texts:
-            name, _, rest = (word.strip() for word in text.partition("="))
-            if not (name and rest):
-                raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} NAME={value}.")
-            if name in taken | others.folders.keys() | others.commands.keys() or ":" in name:
-                raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
-            found[name] = rest
-    for name, command in others.commands.items():
-        evaluation.split_command(name, command)
+    usages = {"--frames": "NAME=FOLDER", "--peer": "NAME='COMMAND {in} {out}'"}
+    for option, text in [*(("--frames", text) for text in frames), *(("--peer", text) for text in peers)]:
+        name, _, value = (word.strip() for word in text.partition("="))
+        if not (name and value):
+            raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} {usages[option]}.")
+        if name in taken or ":" in name:
+            raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
+        taken.add(name)
+        others.append(OtherTool(option, name, value))
+    for tool in others:
+        if tool.option == "--peer":
+            evaluation.split_command(tool.name, tool.value)
     return others

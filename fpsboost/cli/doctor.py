@@ -76,8 +76,18 @@ libraries: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Module and package of the libraries without which nothing works."""
 
 DECODERS = (
-    *("h264", "hevc", "libdav1d", "vp8", "vp9", "mpeg2video", "mpeg4", "prores", "ffv1", "mjpeg"),
-    *("aac", "libopus"),
+    "h264",
+    "hevc",
+    "libdav1d",
+    "vp8",
+    "vp9",
+    "mpeg2video",
+    "mpeg4",
+    "prores",
+    "ffv1",
+    "mjpeg",
+    "aac",
+    "libopus",
 )
 """FFmpeg's decoders of what people film and render."""
 

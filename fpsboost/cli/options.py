@@ -36,6 +36,7 @@ from fpsboost.options import (
     one_of,
     option,
     options_from,
+    words_of_options,
 )
 from fpsboost.render import ConventionName
 from fpsboost.rerender import MergeOptions, PlanOptions
@@ -53,7 +54,9 @@ else:
 METHOD_KINDS = {
     "": ("nlm", "nlm-fast", "blend", "nearest"),
     'of the report "Image-based Reprojection Using a Non-local Means Algorithm"': (
-        *("nlm-exhaustive", "nlm-brute-force", "nlm-passes"),
+        "nlm-exhaustive",
+        "nlm-brute-force",
+        "nlm-passes",
     ),
     "with --vectors": ("reproject-image", "reproject-scene"),
     "for comparison": ("dis", "farneback", "tvl1", "dis-warp", "tvl1-warp", "farneback-warp", "block"),
@@ -298,12 +301,16 @@ class PreviewOptions:
     quiet: bool = option(False, "Print errors only.", short="q")
 
 
-option_classes = (
-    *(DecodeOptions, Timing, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
-    *(MessageOptions, HoldOutOptions, ComparedMethodOptions, ResultOptions),
-    *(PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
-)
+conversion = (DecodeOptions, Timing, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions)
+comparison = (HoldOutOptions, ComparedMethodOptions, ResultOptions)
+others = (MessageOptions, PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions)
+option_classes = conversion + comparison + others
 """Classes of options of all commands, by which messages of the library find the flags of its fields."""
+
+
+def command_line(input: str | os.PathLike[str], output: str | os.PathLike[str], *options: Any) -> list[str]:
+    """Return the words of a conversion on the command line, with what differs from the defaults of options."""
+    return ["fpsboost", os.fspath(input), os.fspath(output), *words_of_options(*options)]
 
 
 def check_named_once(inputs: Sequence[str]) -> None:
@@ -334,15 +341,11 @@ def in_flags(sentence: str) -> str:
 
 MAIN = "Main options"
 
+OTHER_GROUPS = ("Rate", "Method", "Encoding", "Input", "Scenes", "Streams", "Side outputs", "Run", "Method options")
+
 GROUPS = {
     name: Group(name, METHOD_HELP if name == "Method" else "", sort_key=place)
-    for place, name in enumerate(
-        [
-            *(MAIN, "Rate", "Method", "Encoding", "Input", "Scenes", "Streams", "Side outputs", "Run"),
-            "Method options",
-        ],
-        start=1,
-    )
+    for place, name in enumerate((MAIN, *OTHER_GROUPS), start=1)
 }
 """Groups of options in the help of a conversion."""
 
@@ -350,8 +353,13 @@ MAIN_OPTIONS = ("--factor", "--fps", "--slow-motion", "--speed", "--method", "--
 """Options that come first in the help of a conversion, and alone in the short one: those that README explains."""
 
 _metavars = {
-    **{"Literal": "HOW", "Fraction": "RATE", "Position": "TIME", "MemoryLimit": "SIZE"},
-    **{"str": "NAME", "float": "X", "int": "N"},
+    "Literal": "HOW",
+    "Fraction": "RATE",
+    "Position": "TIME",
+    "MemoryLimit": "SIZE",
+    "str": "NAME",
+    "float": "X",
+    "int": "N",
 }
 """Placeholders of values by the name of the type; in a union the first of these counts."""
 

@@ -51,8 +51,9 @@ def plan_table(plan: fpsboost.RerenderPlan, folder: str) -> Table:
     before = plan.expected_error
     after = plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
+    of_these = f", {whole} whole" if whole else ""
     facts = {
-        "frames": f"{len(started)} of {len(plan.frames)} that are interpolated" + f", {whole} whole" * (whole > 0),
+        "frames": f"{len(started)} of {len(plan.frames)} that are interpolated{of_these}",
         "regions": f"{regions} rectangles",
         "pixels": f"{plan.rendered_share:.1%} of those frames",
         "squared error": f"{before:.1f} -> {after:.1f} expected{less}",

@@ -12,13 +12,21 @@ from rich.console import Console
 
 from fpsboost.cli.compare import split_methods
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
+from fpsboost.cli.options import (
+    GROUPS,
+    CutOptions,
+    MethodOptions,
+    PathName,
+    PreviewOptions,
+    command_line,
+    in_flags,
+    with_flags,
+)
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
-from fpsboost.options import words_of_options
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
 from fpsboost.remarks import Remarks
 from fpsboost.run_options import RunOptions
@@ -67,16 +75,11 @@ def preview(
     job = ConversionJob(input, output, timing, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)
     with Console(stderr=True, quiet=options.quiet).status("reading") as status:
-        result = run(
-            job,
-            methods,
-            RunOptions(limit=options.limit, threads=options.threads),
-            at=options.at,
-            on_task=lambda task: status.update(literal(task)),
-        )
+        run_options = RunOptions(limit=options.limit, threads=options.threads)
+        result = run(job, methods, run_options, at=options.at, on_task=lambda task: status.update(literal(task)))
         result.remarks = Remarks(in_flags(each) for each in result.remarks)
         status.update("writing the page")
-        words = ["fpsboost", input, output, *words_of_options(motions[0], decoding, timing, cuts)]
+        words = command_line(input, output, motions[0], decoding, timing, cuts)
         write_page(place, result, shlex.join(words), overwrite=options.overwrite)
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)

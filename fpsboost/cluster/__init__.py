@@ -23,6 +23,10 @@ LOCAL = "local"
 """Address that stands for workers on this machine."""
 
 
+class ClusterError(fpsboost.FpsboostError):
+    """Error for a cluster whose scheduler is out of reach, or whose workers die or are set up differently."""
+
+
 @dataclass(frozen=True)
 class ClusterOptions:
     """Place where the parts of a conversion are computed; by default in threads of one process.

@@ -28,9 +28,12 @@ from distributed.security import Security
 from distributed.utils import silence_logging_cmgr
 
 from fpsboost import (
+    CompleteAlreadyError,
     ConversionJob,
+    ExistsError,
     FpsboostError,
     InputError,
+    InUseError,
     OptionError,
     OutputError,
     Part,
@@ -38,6 +41,7 @@ from fpsboost import (
     Summary,
     join,
 )
+from fpsboost.cluster import ClusterError
 from fpsboost.cluster.worker import (
     LOCK_INTERVAL,
     Outcome,
@@ -48,11 +52,6 @@ from fpsboost.cluster.worker import (
     read_piece,
 )
 from fpsboost.extension import (
-    ClusterError,
-    CompleteAlreadyError,
-    ExistsError,
-    InUseError,
-    PlannedPart,
     RunObserver,
     check_together,
     checked,
@@ -107,10 +106,10 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     observer = RunObserver(run)
     progress = Summary()
     with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):
-        folders = {each.part: each.part.folder(output) for each in planned}
-        missing = [each for each in planned if not folders[each.part].is_dir()]
-        expected = sum(each.frames for each in planned)
-        progress.completed_frames = expected - sum(each.frames for each in missing)
+        folders = [part.folder(output) for part in planned]
+        missing = {part: frames for part, frames in planned.items() if not part.folder(output).is_dir()}
+        expected = sum(planned.values())
+        progress.completed_frames = expected - sum(missing.values())
         observer.opened(info, expected)
         observer.ready()
 
@@ -120,7 +119,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
             observer.wrote(progress)
 
         _Parts(client, job, run, missing).make(wrote)
-    summary = _join(output, list(folders.values()), overwrite=run.overwrite)
+    summary = _join(output, folders, overwrite=run.overwrite)
     summary.completed_frames = progress.completed_frames
     summary.seconds = time.perf_counter() - begin
     return summary
@@ -178,8 +177,7 @@ class _Attempts:
 class _Running:
     """Part that a worker computes, whose files are then copied if they lie on a disk of the worker alone."""
 
-    planned: PlannedPart
-    """The part."""
+    part: Part
     worker: str
     """Address of the worker."""
     future: Future[Outcome]
@@ -192,7 +190,7 @@ class _Running:
 class _Parts:
     """Parts of a conversion that the workers of a Dask client compute; the client stays open."""
 
-    def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Sequence[PlannedPart]) -> None:
+    def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Mapping[Part, int]) -> None:
         assert job.output is not None
         assert client.scheduler is not None
         self._client = client
@@ -202,9 +200,10 @@ class _Parts:
         self._facts = job_facts(job)
         self._topic = f"fpsboost-{job_key(self._facts, os.fspath(job.output))}"
         self._mark = Part(1, 1).folder(job.output).with_name(f".{self._topic}.{uuid4().hex[:8]}")
-        self._waiting = largest_first(planned)
-        self._attempts = {each.part: _Attempts() for each in planned}
-        self._reported = {each.part: 0 for each in planned}
+        self._planned = planned
+        self._waiting = set(planned)
+        self._attempts = {part: _Attempts() for part in planned}
+        self._reported = dict.fromkeys(planned, 0)
         """Output frames that each part has had; one that is made again counts only what it has more than before."""
         self._running: list[_Running] = []
         self._news = Event()  # set, in threads of Dask, when a task has ended or reported frames
@@ -268,23 +267,22 @@ class _Parts:
         busy = {running.worker for running in self._running}
         for worker in self._workers - busy:
             # the largest part that has not failed on this worker, or has failed on all of them
-            attempts = ((each, self._attempts[each.part].failed_on) for each in self._waiting)
-            free = (each for each, failed in attempts if worker not in failed or failed.issuperset(self._workers))
-            planned = next(free, None)
-            if planned is not None:
-                self._waiting.remove(planned)
-                self._submit(planned, worker)
+            for part in largest_first(self._planned):
+                failed_on = self._attempts[part].failed_on
+                if part in self._waiting and (worker not in failed_on or failed_on.issuperset(self._workers)):
+                    self._waiting.remove(part)
+                    self._submit(part, worker)
+                    break
 
-    def _submit(self, planned: PlannedPart, worker: str) -> None:
+    def _submit(self, part: Part, worker: str) -> None:
         """Submit a part as a task to a worker."""
-        part = planned.part
-        attempts = self._attempts[planned.part]
+        attempts = self._attempts[part]
         run = RunOptions(chunk=part, resume=True, threads=self._run.threads, limit=self._run.limit)
         order = WorkerOrder(pickle.dumps((self._job, run)), self._facts, str(self._mark), self._topic)
         key = f"{self._topic}-{part.number}-of-{part.count}-{attempts.count}"
         attempts.count += 1
         future = self._client.submit(make_on_worker, order, key=key, workers=[worker], pure=False)
-        self._running.append(_Running(planned, worker, future))
+        self._running.append(_Running(part, worker, future))
         future.add_done_callback(lambda _: self._news.set())
 
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
@@ -297,14 +295,14 @@ class _Parts:
 
     def _look_at(self, running: _Running) -> None:
         """Record a part that is complete, or queue it again if it has failed."""
-        part = running.planned.part
+        part = running.part
         try:
             if not self._is_complete(running):
                 return
-            self._reported[part] = running.planned.frames
+            self._reported[part] = self._planned[part]
         except Exception as error:
             self._attempts[part].fail(part, running.worker, error)
-            self._waiting = largest_first([*self._waiting, running.planned])
+            self._waiting.add(part)
         self._running.remove(running)
         running.future.release()
 
@@ -313,7 +311,7 @@ class _Parts:
 
         Raises the error of the task, or `WorkerLostError` if its worker is lost.
         """
-        part = running.planned.part
+        part = running.part
         future = running.future
         if running.copy is not None:
             return running.copy.done() and running.copy.result() is None
@@ -375,9 +373,9 @@ class _Parts:
         )
 
 
-def largest_first(planned: Sequence[PlannedPart]) -> list[PlannedPart]:
-    """Return parts in the order in which they are computed, those of one size by their numbers."""
-    return sorted(planned, key=lambda each: (-each.frames, each.part.number))
+def largest_first(planned: Mapping[Part, int]) -> list[Part]:
+    """Return parts by their frames in the order in which they are computed, those of one size by their numbers."""
+    return sorted(planned, key=lambda part: (-planned[part], part.number))
 
 
 @contextmanager

@@ -20,17 +20,17 @@ from dask.typing import Key
 from distributed import Worker, get_worker
 from distributed.core import Status
 
-from fpsboost import ConversionJob, FpsboostError, InputError, RunOptions, Summary, convert_job
-from fpsboost.extension import (
-    ClusterError,
+from fpsboost import (
     CompleteAlreadyError,
+    ConversionJob,
+    FpsboostError,
+    InputError,
     InUseError,
-    SilentObserver,
-    first_difference,
-    job_facts,
-    one_opencv_thread,
-    program_facts,
+    RunOptions,
+    convert_job,
 )
+from fpsboost.cluster import ClusterError
+from fpsboost.extension import first_difference, job_facts, one_opencv_thread, program_facts
 
 REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
 
@@ -94,42 +94,34 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
         place.mkdir(parents=True, exist_ok=True)
         job = replace(job, output=str(place / Path(job.output).name))
 
-    def report(frames: int) -> None:
-        worker.log_event(order.topic, {"part": str(run.chunk), "frames": frames})
+    next_report = 0.0
 
-    run = replace(run, threads=run.threads or worker.state.nthreads)
-    make_part(job, run, WorkerObserver(report, check))
+    def report(frames: int, expected: int | None) -> None:
+        """Check whether to continue, and report the number of frames if the last report is long enough ago."""
+        nonlocal next_report
+        check()
+        now = time.monotonic()
+        if now >= next_report:
+            next_report = now + REPORT_INTERVAL
+            worker.log_event(order.topic, {"part": str(run.chunk), "frames": frames})
+
+    make_part(job, replace(run, threads=run.threads or worker.state.nthreads, progress=report), check)
     folder = run.chunk.folder(job.output)
     return Outcome(str(folder), is_private, {path.name: path.stat().st_size for path in folder.iterdir()})
 
 
-@dataclass
-class WorkerObserver(SilentObserver):
-    """Observer that reports at intervals how many output frames a part has."""
+def make_part(job: ConversionJob, run: RunOptions, check: Callable[[], None]) -> None:
+    """Compute a part, using the results of an earlier attempt; wait if another run is computing it.
 
-    report: Callable[[int], None]
-    check: Callable[[], None]
-    """Called for every frame and while another run holds the part; raises an exception to stop."""
-    next_report: float = 0.0  # time of the clock
-
-    def wrote(self, summary: Summary) -> None:
-        """Check whether to continue, and report the number of frames if the last report is long enough ago."""
-        self.check()
-        now = time.monotonic()
-        if now >= self.next_report:
-            self.next_report = now + REPORT_INTERVAL
-            self.report(summary.frames_out)
-
-
-def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> None:
-    """Compute a part, using the results of an earlier attempt; wait if another run is computing it."""
+    While it waits, it calls `check`, which raises an exception to stop.
+    """
     with one_opencv_thread(), suppress(CompleteAlreadyError):
         while True:
             try:
-                convert_job(job, replace(run, observer=observer))
+                convert_job(job, run)
                 return
             except InUseError:
-                observer.check()
+                check()
                 time.sleep(LOCK_INTERVAL)
 
 
@@ -159,7 +151,7 @@ def _check_job_once(order: WorkerOrder, job: ConversionJob, place: str) -> None:
             f"The worker at {place} computes different pixels than the client; leave it out, or give all machines "
             "processors and libraries of one kind."
         )
-    if difference:
+    if difference is not None:
         raise ClusterError(
             f"The worker at {place} differs from the client in the {difference}; install the same version everywhere."
         )

@@ -241,32 +241,47 @@ def _as_rgb(image: Image) -> np.ndarray:
 
 metrics: dict[str, Metric] = {
     "flip": Metric(
-        *("FLIP", "", 4, False),
+        "FLIP",
+        "",
+        4,
+        False,
         "FLIP is NVIDIA's LDR-FLIP (Andersson et al. 2020), mean over pixels at 67 pixels a degree, 0 is equal.",
         lambda rate: FrameMeter(flip),
         missing_flip,
     ),
     "xpsnr": Metric(
-        *("XPSNR", "dB", 2, True),
+        "XPSNR",
+        "dB",
+        2,
+        True,
         "XPSNR is that of luma by FFmpeg's filter (Helmrich et al. 2020), mean of decibels over frames, higher is "
         "better; equal frames count as 120 dB.",
         XpsnrMeter,
         lambda: missing_filter("xpsnr"),
     ),
     "vmaf": Metric(
-        *("VMAF", "", 2, True),
+        "VMAF",
+        "",
+        2,
+        True,
         "VMAF is Netflix's, 0 to 100 for equal, by FFmpeg's filter libvmaf, mean over the made frames; it was trained "
         "on coded videos and not on frames between others.",
         VmafMeter,
         lambda: missing_filter("libvmaf"),
     ),
     "mse": Metric(
-        *("MSE", "levels²", 1, False),
+        "MSE",
+        "levels²",
+        1,
+        False,
         "MSE is the mean squared error over pixels and colours, in levels of 255 squared.",
         lambda rate: FrameMeter(lambda truth, image: score(truth, image).mse),
     ),
     "motion_smoothness": Metric(
-        *("Motion smoothness", "", 4, True),
+        "Motion smoothness",
+        "",
+        4,
+        True,
         "Motion smoothness is 1 less the mean absolute error as a share of white, as VBench computes it from AMT's "
         "frames: 1 is motion that the method predicts exactly, or none.",
         lambda rate: FrameMeter(
@@ -274,35 +289,53 @@ metrics: dict[str, Metric] = {
         ),
     ),
     "wrong": Metric(
-        *("Wrong", "per mille", 2, False),
+        "Wrong",
+        "per mille",
+        2,
+        False,
         "Wrong is the area, per mille, that is off by more than 24 levels at a quarter of the size: what is "
         "seen from afar.",
         lambda rate: FrameMeter(steadiness.wrong_area),
     ),
     "spurious": Metric(
-        *("Spurious", "levels/100", 2, False),
+        "Spurious",
+        "levels/100",
+        2,
+        False,
         "Spurious is the strength of edges that the true frame has nowhere near, levels/100: torn shapes and ghosts.",
         lambda rate: FrameMeter(steadiness.spurious_edges),
     ),
     "missing": Metric(
-        *("Missing", "levels/100", 2, False),
+        "Missing",
+        "levels/100",
+        2,
+        False,
         "Missing is the same of true edges that the interpolated frame lacks: what was smeared or lost.",
         lambda rate: FrameMeter(steadiness.missing_edges),
     ),
     "flicker": Metric(
-        *("Flicker", "levels", 2, False),
+        "Flicker",
+        "levels",
+        2,
+        False,
         "Flicker is by how much interpolated frames differ from originals in brightness, noise and sharpness, all "
         "frames in the same way, levels: what pulses.",
         lambda rate: steadiness.FlickerMeter(),
     ),
     "steps": Metric(
-        *("Uneven steps", "%", 1, False),
+        "Uneven steps",
+        "%",
+        1,
+        False,
         "Uneven steps are changes of the motion from frame to frame beyond the true ones, percent of the path: 0 is as "
         "even as the truth, 100 a frame that repeats another.",
         lambda rate: steadiness.StepMeter(),
     ),
     "psnr_div": Metric(
-        *("PSNR_DIV", "dB", 2, True),
+        "PSNR_DIV",
+        "dB",
+        2,
+        True,
         "PSNR_DIV is PSNR of the luma where the motion of the output diverges (Daly et al. 2025), mean of decibels "
         "over frames: errors of torn and doubled shapes, and not of the rest.",
         lambda rate: steadiness.DivergenceMeter(),

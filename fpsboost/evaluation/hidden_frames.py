@@ -23,7 +23,7 @@ from fpsboost.image import Image
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
-from fpsboost.options import Checked, Duplicates, Range, words_of, words_of_options
+from fpsboost.options import Checked, Duplicates, Range, words_of_options
 from fpsboost.streaming import positions_of
 from fpsboost.timing.schedule import ByRate, rising_time
 
@@ -143,13 +143,12 @@ class HoldOut(Checked):
 
     def as_options(self) -> list[str]:
         """Return options that differ from the defaults, as words of the command line."""
-        own = {
-            "--skip": (self.skip, 1),
-            "--range": (self._range, WHOLE),
-            "--duplicates": (self.duplicates, "interpolate"),
-        }
-        given = {flag: value for flag, (value, usual) in own.items() if value != usual}
-        return [*words_of(given), *words_of_options(self.decoding)]
+        words = words_of_options(self.decoding)
+        if self.duplicates != "interpolate":
+            words = ["--duplicates", self.duplicates, *words]
+        if self._range != WHOLE:
+            words = ["--range", self._range, *words]
+        return words if self.skip == 1 else ["--skip", str(self.skip), *words]
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data by the names of the options; a range as its two ends."""

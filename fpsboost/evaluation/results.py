@@ -198,20 +198,6 @@ class Comparison:
         even = [(place % self.hold_out.skip + 1) / steps for place in range(len(self.hidden))]
         return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
 
-    def notes(self, compared_methods: Mapping[str, ComparedMethod]) -> list[str]:
-        """Return sentences about duplicates and times without which the figures would be misunderstood."""
-        uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
-        rigid = [name for name, compared_method in compared_methods.items() if not compared_method.any_time]
-        but = f" (even ones with {', '.join(rigid)})" if rigid else ""
-        notes = {
-            "These frames repeat the one before, and are not compared": self.repeats,
-            "These hidden frames do not count, since beside repeats, in stills and across pauses the true picture is "
-            "unknown": self.doubtful,
-            "These hidden frames do not divide the time between the shown ones evenly, and were interpolated at their "
-            f"own times{but}": uneven,
-        }
-        return [f"{note}: {_some(frames)}." for note, frames in notes.items() if frames]
-
     def counted(self, method: MethodResult) -> list[FrameResult]:
         """Return the frames of a method that count."""
         left_out = {*self.cuts, *self.doubtful}
@@ -252,6 +238,28 @@ class ComparedClip(NamedTuple):
     comparison: Comparison
     compared_methods: Mapping[str, ComparedMethod]
     """Methods by name, in the order of the comparison."""
+
+    def notes(self) -> list[str]:
+        """Return sentences about duplicates and times without which the figures would be misunderstood."""
+        repeats = self.comparison.repeats
+        doubtful = self.comparison.doubtful
+        uneven = [number for number in self.comparison.uneven if number not in {*self.comparison.cuts, *doubtful}]
+        notes = list[str]()
+        if repeats:
+            notes.append(f"These frames repeat the one before, and are not compared: {_some(repeats)}.")
+        if doubtful:
+            notes.append(
+                "These hidden frames do not count, since beside repeats, in stills and across pauses the true picture "
+                f"is unknown: {_some(doubtful)}."
+            )
+        if uneven:
+            rigid = [name for name, compared_method in self.compared_methods.items() if not compared_method.any_time]
+            but = f" (even ones with {', '.join(rigid)})" if rigid else ""
+            notes.append(
+                "These hidden frames do not divide the time between the shown ones evenly, and were interpolated at "
+                f"their own times{but}: {_some(uneven)}."
+            )
+        return notes
 
 
 def _some(numbers: Sequence[int]) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from fpsboost.errors import format_duration
 from fpsboost.evaluation.results import Comparison, mean
+from fpsboost.media import counted
 
 MAX_STANDARD_ERRORS = 2.0
 """Mean difference in standard errors up to which two methods are level: about 95 %."""
@@ -136,7 +137,7 @@ def _say(verdict: Verdict) -> list[str]:
     priced = [name for name in dict.fromkeys([verdict.best, verdict.cheapest]) if not math.isnan(seconds[name])]
     prices = [f"{name} {format_duration(seconds[name])}" for name in priced]
     price = [f"{doing} these {verdict.clip_frames} frames takes {listed(prices)} of CPU time."] if prices else []
-    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {verdict.frames} frame{'s' * (verdict.frames != 1)}"
+    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {counted(verdict.frames, 'frame')}"
     if not verdict.ahead:
         return [f"{reached}.", *price]
     advice = _advise(verdict.best, verdict.ahead, verdict.cheapest, seconds)

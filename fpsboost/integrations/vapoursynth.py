@@ -44,16 +44,14 @@ from fpsboost import (
     find_method,
 )
 from fpsboost.extension import (
-    PLANAR_FORMATS,
     FrameImage,
     Image,
     Range,
-    assumed_color_space,
-    bgr_of,
+    VideoTraits,
     check_together,
     check_type,
+    coding_of,
     in_coding,
-    luma_weights,
     view,
 )
 
@@ -178,8 +176,8 @@ def _layout_of(format: vs.VideoFormat) -> _Rgb | _Ycc:
     name = f"yuv{chroma}p" + ("" if bits == 8 else f"{bits}le")
     if format.color_family == vs.RGB and (bits == 32 if is_float else bits <= 16):
         return _Rgb(bits)
-    if format.color_family == vs.YUV and name in PLANAR_FORMATS and not is_float:
-        return _Ycc(name, bits)
+    if format.color_family == vs.YUV and coding_of(VideoTraits(name)) is not None and not is_float:
+        return _Ycc(name)
     raise InputError(
         f"The clip is {format.name}; convert it with resize.Bicubic(format=...) to YUV 4:2:0, 4:2:2 or 4:4:4 of 8, 9, "
         "10, 12, 14 or 16 bits, RGB of 8 to 16 bits, or RGBS first."
@@ -212,7 +210,6 @@ class _Ycc:
     """YUV as images in planes, with the methods of `_Rgb`."""
 
     pixel_format: str
-    bits: int
 
     def image(self, frame: vs.VideoFrame) -> YCbCrImage:
         y, cb, cr = (np.array(frame[plane]) for plane in range(3))
@@ -225,16 +222,18 @@ class _Ycc:
         props = frame.props
         matrix = int(props.get("_Matrix", vs.MATRIX_UNSPECIFIED))
         if matrix in (0, 2, 3):  # they name no matrix of luma and chroma
-            matrix = assumed_color_space(frame.height)
-        if matrix not in luma_weights:
+            matrix = vs.MATRIX_BT709 if frame.height >= 720 else vs.MATRIX_ST170_M
+        # before release 73, the numbers of the range were the other way round and had another name
+        full_range = props["_Range"] == 1 if "_Range" in props else props.get("_ColorRange") == 0
+        location = CHROMA_LOCATIONS[int(props.get("_ChromaLocation", 0))]
+        traits = VideoTraits(self.pixel_format, int(matrix), full_range=full_range, chroma_location=location)
+        coding = coding_of(traits)
+        if coding is None:
             raise InputError(
                 f"The clip uses the colour matrix number {matrix}, which is not supported; convert it to BT.709 or "
                 "BT.2020 first."
             )
-        # before release 73, the numbers of the range were the other way round and had another name
-        full_range = props["_Range"] == 1 if "_Range" in props else props.get("_ColorRange") == 0
-        location = CHROMA_LOCATIONS[int(props.get("_ChromaLocation", 0))]
-        return Coding(self.bits, matrix, full_range, location, self.pixel_format, bgr_of)
+        return coding
 
 
 class _OutputFrames:

@@ -17,9 +17,9 @@ from fpsboost.media import (
     REPLACED,
     JobFingerprint,
     StagingDirectory,
+    UnfinishedOutput,
     check_folder,
     complete_already,
-    discard_published,
     hidden_place,
     move_all,
     sync,
@@ -50,7 +50,7 @@ def write_whole(path: Path, data: bytes) -> None:
 def check_new_folder(path: Path) -> None:
     """Raise OutputError unless a folder can be made here: nothing is there but an empty folder."""
     with explained(OutputError, "write to", path, "check the path and the permissions"):
-        discard_published(path)
+        UnfinishedOutput(path).discard_published()
         if path.is_dir() and os.listdir(path):
             raise OutputError(f"{path} is not empty; name a new folder.")
         check_folder(path)
@@ -126,7 +126,7 @@ class StagedFiles(StagingDirectory):
         self._adds_only = adds_only
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             check_folder(self._target, may_be_new=alone)
-            discard_published(self._target)
+            UnfinishedOutput(self._target).discard_published()
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not self._target.is_dir()
             beside = self._target.parent, self._target.name

@@ -78,9 +78,8 @@ from .staging import OutputPart as OutputPart
 from .staging import PartFolder as PartFolder
 from .staging import StagedSink as StagedSink
 from .staging import StagingDirectory as StagingDirectory
+from .staging import UnfinishedOutput as UnfinishedOutput
 from .staging import complete_already as complete_already
-from .staging import discard_published as discard_published
-from .staging import discard_unfinished as discard_unfinished
 from .staging import hidden_place as hidden_place
 from .staging import part_files as part_files
 from .staging import remove_if_empty as remove_if_empty

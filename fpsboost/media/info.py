@@ -32,6 +32,11 @@ class ClipInfo:
     mean_rate: Fraction | None = None
     """Frames per second over all frames whose times are known beforehand, pauses included; None if none are."""
 
+    @property
+    def nominal_duration(self) -> Fraction | None:
+        """Declared duration, or that of the declared frames at the nominal rate, seconds; None if unknown."""
+        return self.duration or (self.frame_count / self.rate if self.frame_count else None)
+
 
 FOREVER = Fraction(10**9)
 """Length of what has no end of its own, seconds; any clip is shorter."""

@@ -14,8 +14,16 @@ LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
 
 
 def lock_file(file: BufferedRandom) -> None:
-    """Lock a file until it is closed; raise OSError, with one of the codes in `LOCKED` if another process holds it."""
-    if sys.platform == "win32":
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-    else:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    """Lock a file until it is closed.
+
+    Raises BlockingIOError if another process holds it, and another OSError if the disk has no locks.
+    """
+    try:
+        if sys.platform == "win32":
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in LOCKED:
+            raise BlockingIOError from error
+        raise

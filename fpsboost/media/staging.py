@@ -27,7 +27,7 @@ from fpsboost.media.errors import (
     explained,
     undone_by,
 )
-from fpsboost.media.locks import LOCKED, lock_file
+from fpsboost.media.locks import lock_file
 from fpsboost.media.remarks import Remarks
 from fpsboost.media.safe_files import rename_safely, sync, write_safely
 
@@ -51,11 +51,6 @@ def hidden_place(folder: Path, name: str) -> Path:
     if len(os.fsencode(name)) > MAX_NAME_BYTES:
         name = f"{name[:SHORT_NAME_LENGTH]}.{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
     return folder / f".{name}.unfinished"
-
-
-def unfinished_places(output: Path) -> tuple[Path, Path]:
-    """Return where a stopped run leaves its part of an output: beside it, or in a folder that was there before."""
-    return hidden_place(output.parent, output.name), hidden_place(output, IN_EXISTING_FOLDER)
 
 
 @dataclass(frozen=True)
@@ -199,7 +194,7 @@ class StagingDirectory:
             except OSError as error:
                 if lock is None:
                     raise
-                if error.errno in LOCKED:
+                if isinstance(error, BlockingIOError):
                     lock.close()
                     raise InUseError(
                         f"{self.name} is being written by another run; wait for it, or choose another name."
@@ -283,33 +278,47 @@ class StagedSink(ABC):
         """Let go of everything, and remove what no later run can resume from."""
 
 
-def is_unfinished(output: str) -> bool:
-    """Return whether a stopped run has left something of an output that another can resume."""
-    return any((place / MANIFEST).is_file() for place in unfinished_places(Path(output)))
+class UnfinishedOutput:
+    """What a run that was stopped or killed has left of an output.
 
+    Parameters
+    ----------
+    output : str or Path
+        A video or a folder of images, which need not exist.
+    """
 
-def discard_unfinished(output: str) -> None:
-    """Remove what a stopped run has left of a video or a folder of images, unless another run writes there."""
-    for place in unfinished_places(Path(output)):
-        if (place / MANIFEST).is_file() and not (place / REPLACED).exists():  # which may hold the only copy of files
-            with explained(OutputError, "remove", place, "check the permissions"):
-                _remove(place, output)
+    def __init__(self, output: str | Path) -> None:
+        self._name = str(output)
+        path = Path(output)
+        self.places = (hidden_place(path.parent, path.name), hidden_place(path, IN_EXISTING_FOLDER))
+        """Hidden folders that may be there: beside the output, or in a folder that was there before."""
 
+    @property
+    def is_resumable(self) -> bool:
+        """Whether there is something with which another run can go on."""
+        return any((place / MANIFEST).is_file() for place in self.places)
 
-def discard_published(output: Path) -> None:
-    """Remove hidden folders of a run that was killed after its output had got its name, unless a run holds them."""
-    for place in unfinished_places(output):
-        is_over = (place / COMPLETE).is_file() or not (place / MANIFEST).is_file()
-        if place.is_dir() and is_over and not (any(place.glob("output*")) or (place / REPLACED).exists()):
-            with suppress(OSError, OutputError):
-                _remove(place, str(output))
+    def discard(self) -> None:
+        """Remove it, unless another run writes there."""
+        for place in self.places:
+            # files that were set aside may be the only copies
+            if (place / MANIFEST).is_file() and not (place / REPLACED).exists():
+                with explained(OutputError, "remove", place, "check the permissions"):
+                    self._remove(place)
 
+    def discard_published(self) -> None:
+        """Remove it if the run was killed after the output had got its name, unless a run holds it."""
+        for place in self.places:
+            is_over = (place / COMPLETE).is_file() or not (place / MANIFEST).is_file()
+            if place.is_dir() and is_over and not (any(place.glob("output*")) or (place / REPLACED).exists()):
+                with suppress(OSError, OutputError):
+                    self._remove(place)
 
-def _remove(place: Path, name: str) -> None:
-    """Remove the hidden folder of an output, unless a run holds it."""
-    staging = StagingDirectory(place, "output", name, None)
-    staging.open()
-    staging.close(keep=False)
+    def _remove(self, place: Path) -> None:
+        """Remove a hidden folder; raise `InUseError` if another run holds it."""
+        staging = StagingDirectory(place, "output", self._name, None)
+        staging.open()
+        staging.close(keep=False)
 
 
 def complete_already(name: str) -> str:
@@ -348,7 +357,7 @@ class PartFolder(StagingDirectory):
         self._part = part
         folder = part.folder
         super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), job)
-        discard_published(folder)
+        UnfinishedOutput(folder).discard_published()
         if folder.exists() and not overwrite:
             if job is not None and job.resume:
                 raise CompleteAlreadyError(complete_already(self.name))

@@ -38,8 +38,8 @@ from fpsboost.media.staging import (
     PartFolder,
     StagedSink,
     StagingDirectory,
+    UnfinishedOutput,
     complete_already,
-    discard_published,
     hidden_place,
 )
 from fpsboost.media.traits import VideoTraits
@@ -251,7 +251,7 @@ class FileWriter(Writer):
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
         self._path, files = Path(output.path), output.stream.files
-        discard_published(self._path)
+        UnfinishedOutput(self._path).discard_published()
         place = hidden_place(self._path.parent, self._path.name)
         unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", output.path, output.job)
         resumes = output.job is not None and output.job.resume and not output.overwrite

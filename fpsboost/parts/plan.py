@@ -120,20 +120,12 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     return replace(outputs, entry=entry)
 
 
-@dataclass(frozen=True)
-class PlannedPart:
-    """Part that is to be computed."""
-
-    part: Part
-    frames: int
-    """Output frames, as far as their number is known beforehand."""
-
-
 @contextmanager
-def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tuple[ClipInfo, list[PlannedPart]]]:
-    """Plan the parts of a job, which have a folder while the block lasts; yield them with the properties of the input.
+def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tuple[ClipInfo, dict[Part, int]]]:
+    """Plan the parts of a job, which have a folder while the block lasts.
 
-    There are about `count`, or as many as in an earlier run of the job.
+    Yields the properties of the input, and how many output frames each part has, as far as that is known beforehand.
+    There are about `count` parts, or as many as in an earlier run of the job.
 
     Raises
     ------
@@ -167,12 +159,12 @@ def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -
     shutil.rmtree(folder)
 
 
-def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
-    """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images."""
+def _plan_parts(ready: Preparation, count: int) -> dict[Part, int]:
+    """Return the frames of the parts of a job: `count` parts, or as many as a video has chunks, or there are images."""
     total, unit = _measured(ready)
     count = max(1, min(count, -(-total // unit), MAX_PARTS))
     parts = [Part(number, count) for number in range(1, count + 1)]
-    return [PlannedPart(part, outputs_of(part, total, unit).count(total)) for part in parts]
+    return {part: outputs_of(part, total, unit).count(total) for part in parts}
 
 
 def _measured(ready: Preparation) -> tuple[int, int]:

@@ -27,6 +27,7 @@ from fpsboost import (
     OptionError,
     Position,
     RunOptions,
+    SilentObserver,
     SourcePosition,
     Target,
     convert_job,
@@ -36,7 +37,6 @@ from fpsboost import (
 from fpsboost.extension import (
     PlayerData,
     Remarks,
-    SilentObserver,
     as_heat,
     available_cores,
     check_writable,

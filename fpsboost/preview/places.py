@@ -313,8 +313,7 @@ def _opened(job: ConversionJob, run: RunOptions, length: int | None = None) -> t
         images = clip.whole.stream_info.images
         reader = _Reader(job, run, info.rate, images is not None)
     begin, end = job.decoding.trim.seconds(info)
-    declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
-    end = min((each for each in (end, declared) if each is not None), default=None)
+    end = min((each for each in (end, info.nominal_duration) if each is not None), default=None)
     step = images.step if images is not None and images.fills_gaps else 1
     count = length or max(min(round(info.rate), MAX_FRAMES, MAX_PIXELS // (info.width * info.height)), MIN_FRAMES)
     return _Span(info, begin, end, count, step * count / info.rate), reader
@@ -368,8 +367,10 @@ class _Reader:
             findings = Findings(seen or image_view.add)
             cuts = findings.cuts(clip.source, self.job.method)
         image_view.end = findings.end - findings.times[0]
-        cuts, duplicates = (list(map(findings.in_clip, times)) for times in (cuts, findings.duplicates))
-        return Passage(*(findings.origin.seconds, trim, image_view, cuts, duplicates), number=findings.origin.number)
+        cuts = [findings.in_clip(time) for time in cuts]
+        duplicates = [findings.in_clip(time) for time in findings.duplicates]
+        origin = findings.origin
+        return Passage(origin.seconds, trim, image_view, cuts, duplicates, number=origin.number)
 
     def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion of passages of `count` frames in it."""

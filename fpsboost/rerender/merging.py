@@ -15,28 +15,21 @@ import numpy as np
 
 from fpsboost import InputError, Layer, LayeredImage, OptionError, OutputError
 from fpsboost.extension import (
-    ALL,
-    IMAGE_SUFFIXES,
     FrameImage,
     Image,
-    Passes,
+    ImageTemplate,
     PathName,
     Remarks,
     check_new_folder,
     checked,
     content_of,
     counted,
-    encode_image,
-    encode_like,
     explained,
-    extension_of,
     find_images,
     has_alpha,
-    list_files,
+    image_names,
     metadata_of,
     new_folder,
-    read_exr_header,
-    read_image,
     view,
     write_safely,
 )
@@ -116,7 +109,7 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
                 content = content_of(path)
             with explained(OutputError, "write", Path(output) / path.name, "check the free space and the permissions"):
                 write_safely(unfinished / path.name, content)
-    if any(extension_of(files[number].name) in LOSSY for number in planned):
+    if any(files[number].suffix.lower() in LOSSY for number in planned):
         remarks.add("lossy-merge")
     return MergeSummary(len(files), len(planned), sum(len(frame.regions) for frame in planned.values()), remarks)
 
@@ -160,37 +153,30 @@ def _merged(path: Path, rendered: Sequence[Path], frame: PlannedFrame, plan: Rer
 
     `rendered` are the files of its regions.
     """
-    passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
-    made = _read(path, passes)
+    template = ImageTemplate(path)
+    made = template.read(path)
     if made.shape[:2] != (plan.height, plan.width):
         raise InputError(
             f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {plan.width}x"
             f"{plan.height}; name the sequence that was planned."
         )
     if frame.whole and path.suffix == rendered[0].suffix:
-        _check_alike(rendered[0], _read(rendered[0], passes), path, made)
+        _check_alike(rendered[0], template.read(rendered[0]), path, made)
         if metadata_of(rendered[0]).can_pass:
             return content_of(rendered[0])
     mask = frame.mask(plan.height, plan.width)
     weights = seam_weights(mask, feather)
     picture: FrameImage = view(made).deep_copy()  # with the rendered regions, without seams
     for region, file in zip(frame.regions, rendered, strict=True):
-        image = _read(file, passes)
+        image = template.read(file)
         part = _part(file, image, region, path, made)
         for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
             to[region.part] = values[part]
-    mixed = mix(view(made).array(), view(picture).array(), weights)
+    mixed: FrameImage = mix(view(made).array(), view(picture).array(), weights)
     if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
         layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
-        return encode_like(read_exr_header(path), LayeredImage(mixed, tuple(layers)))
-    return encode_image(path, mixed, metadata=metadata_of(path))
-
-
-def _read(path: Path, passes: Passes | None) -> FrameImage:
-    """Return an image, of an OpenEXR file with the given passes."""
-    if passes is None or extension_of(path.name) != ".exr":
-        return read_image(path)
-    return passes.read(path, None)
+        mixed = LayeredImage(view(mixed).array(), tuple(layers))
+    return template.encode(mixed)
 
 
 def _mix_layer(made: Layer, rendered: Layer, weights: np.ndarray, mask: np.ndarray) -> Layer:
@@ -231,7 +217,7 @@ def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImag
 def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, list[Path]], Remarks]:
     """Find the image of every region of every planned frame, by the numbers at the ends of their names."""
     with explained(InputError, "read", folder, "check that it exists and that you may read it"):
-        names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and name[0] != "."]
+        names = image_names(folder)
     found: dict[int, dict[int, Path]] = {number: {} for number in planned}
     extra = 0
     for name in names:
@@ -255,7 +241,7 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
 
 def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int]:
     """Return the number of a planned frame from the name of a file, and that of a region, or 0 for all of them."""
-    stem = name[: -len(extension_of(name))]
+    stem = Path(name).stem
     region = re.fullmatch(r".*?(\d+)_([1-9]\d*)", stem)
     if region is not None:
         number = int(region[1])

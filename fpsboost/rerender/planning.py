@@ -18,9 +18,6 @@ import numpy as np
 
 from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
 from fpsboost.extension import (
-    ASSUMED_IMAGE_RATE,
-    ImageSource,
-    Numbering,
     PathName,
     available_cores,
     check_new_folder,
@@ -28,6 +25,7 @@ from fpsboost.extension import (
     content_of,
     encode_image,
     new_folder,
+    open_source,
     read_image,
     run_in_parallel,
     stands_for_images,
@@ -120,9 +118,8 @@ class RerenderPlan:
 
     def write(self, folder: Path) -> None:
         """Write ``plan.json`` and the masks into a folder."""
-        masks = self._mask_numbering(folder)
         for frame in self.frames:
-            path = masks.path(frame.number)
+            path = self._mask_file(folder, frame.number)
             mask = frame.mask(self.height, self.width)[..., np.newaxis]
             write_safely(path, encode_image(path, mask * np.uint8(RENDERED)))
         write_safely(folder / PLAN_FILE, json.dumps(self.as_json(), indent=1).encode())
@@ -149,16 +146,15 @@ class RerenderPlan:
         plan._check_masks(folder)
         return plan
 
-    def _mask_numbering(self, folder: Path) -> Numbering:
-        """Return the names of masks, which are numbered like the frames, with as many digits as the longest number."""
+    def _mask_file(self, folder: Path, number: int) -> Path:
+        """Return the file of a frame's mask, whose number has as many digits as the longest."""
         digits = max(MASK_DIGITS, *(len(str(frame.number)) for frame in self.frames))
-        return Numbering(folder, "mask_", digits, ".png")
+        return folder / f"mask_{number:0{digits}d}.png"
 
     def _check_masks(self, folder: Path) -> None:
         """Raise `InputError` if a mask is missing, or differs from the rectangles."""
-        masks = self._mask_numbering(folder)
         for frame in self.frames:
-            path = masks.path(frame.number)
+            path = self._mask_file(folder, frame.number)
             content_of(path, "plan again, or put it back")
             mask = read_image(path)
             height, width = mask.shape[:2]
@@ -224,9 +220,16 @@ def plan_rerender(
     """
     options = options or PlanOptions()
     interpolator = find_method(method)
-    with open_images(os.fspath(input), os.fspath(folder)) as source:
-        images = source.images
+    check_images(os.fspath(input))
+    check_new_folder(Path(folder))
+    with open_source(os.fspath(input)) as source:
         info = source.info
+        images = source.stream_info.images
+        if images is None or len(images.files) < MIN_IMAGES:
+            raise InputError(
+                f"{info.name} holds {info.frame_count} images, and a plan needs {MIN_IMAGES} at least: it hides one "
+                "between two others to learn how large errors are."
+            )
         factor = options.factor or (images.step if images.step > 1 else 2)
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
@@ -250,20 +253,10 @@ def plan_rerender(
     return plan
 
 
-def open_images(path: str, folder: str) -> ImageSource:
-    """Open the images of a plan, which is written to a new folder.
-
-    Raises `InputError` unless they are images, and enough of them.
-    """
-    if not stands_for_images(path):
-        if not Path(path).exists():
-            raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
-        raise InputError(f"{path} is not a folder or pattern of images, which plans need; write its frames as images.")
-    check_new_folder(Path(folder))
-    source = ImageSource(path, ASSUMED_IMAGE_RATE)
-    if len(source.images.files) < MIN_IMAGES:
-        raise InputError(
-            f"{path} holds {len(source.images.files)} images, and a plan needs {MIN_IMAGES} at least: it hides one "
-            "between two others to learn how large errors are."
-        )
-    return source
+def check_images(path: str) -> None:
+    """Raise `InputError` unless a path stands for images."""
+    if stands_for_images(path):
+        return
+    if not Path(path).exists():
+        raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+    raise InputError(f"{path} is not a folder or pattern of images, which plans need; write its frames as images.")

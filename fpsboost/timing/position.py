@@ -262,7 +262,7 @@ class FrameList(Checked):
             + ("" if self.ranges.count(each) == 1 else f"x{self.ranges.count(each)}")
             for each in dict.fromkeys(self.ranges)
         )
-        return ",".join([*items, *["auto"] * self.detect])
+        return ",".join([*items, "auto"] if self.detect else items)
 
     def times_listed(self, number: int, begin: Fraction, end: Fraction) -> int:
         """Return how often a frame is listed, by its number and the times, seconds, between which it is shown.

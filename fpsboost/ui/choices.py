@@ -18,7 +18,7 @@ from fpsboost import (
     format_time,
 )
 from fpsboost.cli.batch import check_ending
-from fpsboost.cli.options import MethodOptions, in_flags
+from fpsboost.cli.options import MethodOptions, command_line, in_flags
 from fpsboost.extension import (
     Checked,
     encoders,
@@ -26,7 +26,6 @@ from fpsboost.extension import (
     options_from,
     output_beside,
     prepared,
-    words_of_options,
 )
 from fpsboost.ui.files import Files
 
@@ -62,7 +61,7 @@ def on_page(sentence: str) -> str:
     text = in_flags(sentence)
     others = set(FLAG.findall(text)) - LABELS.keys()
     text = FLAG.sub(lambda flag: LABELS.get(flag[1], flag[0]), text)
-    return text + " What begins with -- is for a command line." * bool(others)
+    return f"{text} What begins with -- is for a command line." if others else text
 
 
 def remarks_on_page(remarks: Iterable[Remark], *paths: str) -> list[str]:
@@ -157,9 +156,9 @@ class Choices(Checked):
 
     def words(self, job: ConversionJob) -> list[str]:
         """Return the words of the equivalent command line."""
+        method = MethodOptions(self.method)
         run = RunOptions(overwrite=self.overwrite)
-        given = [job.timing, MethodOptions(self.method), job.decoding, job.encoding, run]
-        return ["fpsboost", str(job.input), str(job.output or ""), *words_of_options(*given)]
+        return command_line(job.input, job.output or "", job.timing, method, job.decoding, job.encoding, run)
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
         """Return the properties of the output as plain data, without running the conversion."""
@@ -179,4 +178,5 @@ class Choices(Checked):
 def first_choices(path: str) -> Choices:
     """Return the initial values of the form for a clip."""
     output = output_beside(path, Timing())
-    return Choices(path, str(Path(path).parent), Path(output).name + "/" * output.endswith("/"))
+    name = Path(output).name
+    return Choices(path, str(Path(path).parent), f"{name}/" if output.endswith("/") else name)

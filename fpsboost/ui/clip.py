@@ -11,7 +11,6 @@ from threading import Event
 from typing import Any
 
 from fpsboost import (
-    ClipInfo,
     ConversionJob,
     Frame,
     InputError,
@@ -54,7 +53,7 @@ def header(path: str) -> dict[str, Any]:
         remarks = Remarks(source.remarks)
         file = source.stream_info.video
     count = info.frame_count
-    duration = _duration(info)
+    duration = info.nominal_duration
     unit = info.rate if is_images else 1  # positions are numbers of images, or seconds
     says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
     if not is_images:
@@ -101,7 +100,7 @@ def poster(path: str) -> bytes:
     with open_source(path) as source:
         shown = View(source.stream_info.traits)
         info = source.info
-        place = math.floor((_duration(info) or 0) * info.rate / 2) / info.rate
+        place = math.floor((info.nominal_duration or 0) * info.rate / 2) / info.rate
         shown.add(next(iter(trim_source(source, Trim(Position(place)))[0])), Fraction(0))
     return shown.pictures[0]
 
@@ -139,7 +138,7 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         traits = clip.whole.stream_info.traits
         images = clip.whole.stream_info.images
     time = time if images is None else time / info.rate
-    duration = _duration(info)
+    duration = info.nominal_duration
     if duration is not None:
         time = min(time, duration - 1 / info.rate)
     start = time - Fraction(3, 2) / info.rate
@@ -166,8 +165,3 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         "between": f"between {' and '.join(names)}",
         "is_cut": pair.is_cut,
     }
-
-
-def _duration(info: ClipInfo) -> Fraction | None:
-    """Return the duration of a clip, seconds, by its header; None if unknown."""
-    return info.duration or (info.frame_count / info.rate if info.frame_count else None)

@@ -13,9 +13,9 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 from rich.console import Console
 
-from fpsboost import OptionError
+from fpsboost import InUseError, OptionError
 from fpsboost.cli.options import PathName
-from fpsboost.extension import InUseError, write_safely
+from fpsboost.extension import write_safely
 
 options = Group("Options", sort_key=1)
 

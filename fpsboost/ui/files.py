@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fpsboost import InputError, OutputError
-from fpsboost.extension import IMAGE_SUFFIXES, OUTPUT_SUFFIXES, explained, stands_for_images, unfinished_places
+from fpsboost.extension import IMAGE_SUFFIXES, OUTPUT_SUFFIXES, UnfinishedOutput, explained, stands_for_images
 
 MAX_ENTRIES = 2000
 """Maximum number of folders and clips that are listed from a folder."""
@@ -112,7 +112,7 @@ class Files:
         if not file or file in (".", "..") or file != Path(file).name or "\\" in file or "\0" in file:
             raise OutputError(f"{name!r} is not a file name; write one such as clip-2x.mp4, and pick its folder.")
         path = place / file
-        if any(each.is_symlink() for each in (path, *unfinished_places(path))):
+        if any(each.is_symlink() for each in (path, *UnfinishedOutput(path).places)):
             raise OutputError(f"{path} is a link to another place, or was begun there; choose another name.")
         return f"{path}/" if len(file) < len(name) else str(path)
 

@@ -12,19 +12,8 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal
 
-from fpsboost import FpsboostError, InputError, OptionError, OutputError, Target
-from fpsboost.extension import (
-    LOCKED,
-    InUseError,
-    Remarks,
-    discard_unfinished,
-    explain,
-    explained,
-    is_unfinished,
-    lock_file,
-    undone_by,
-    write_safely,
-)
+from fpsboost import FpsboostError, InputError, InUseError, OptionError, OutputError, Target
+from fpsboost.extension import Remarks, UnfinishedOutput, explain, explained, lock_file, write_safely
 from fpsboost.ui.choices import on_page, remarks_on_page
 from fpsboost.ui.files import Files
 
@@ -69,8 +58,9 @@ class Job:
     @property
     def arguments(self) -> list[str]:
         """Arguments of the next run, which continues where the last one has stopped if the kind of output allows it."""
+        words = [*self.words[1:], "--progress", "json"]
         resumes = self.frame > 0 and Target.parse(self.output).kind in ("video", "images")
-        return [*self.words[1:], *["--resume"] * resumes, "--progress", "json"]
+        return [*words, "--resume"] if resumes else words
 
     def take(self, report: dict[str, Any]) -> None:
         """Update the job with the progress that a run reports."""
@@ -109,7 +99,7 @@ class Queue:
         self._files = files or Files()
         self._changed = Condition()
         self._lock = _locked(path)
-        with undone_by(self._lock.close):
+        try:
             jobs = [replace(job, number=number) for number, job in enumerate(_read(path), 1)]
             self.outside = [job for job in jobs if not self._is_inside(job)]  # which are kept, and do not run
             self._jobs = {job.number: job for job in jobs if job not in self.outside}
@@ -117,6 +107,9 @@ class Queue:
             self._closed = False
             with self._changed:
                 self._save()
+        except BaseException:
+            self._lock.close()
+            raise
         self._thread = Thread(target=self._work, name="jobs", daemon=True)
         self._thread.start()
 
@@ -192,7 +185,7 @@ class Queue:
             self.pause(number)
             self._changed.wait_for(lambda: job.state != "stopping")
             if job.state != "done":
-                discard_unfinished(job.output)
+                UnfinishedOutput(job.output).discard()
             self._jobs.pop(number, None)
             self._save()
 
@@ -236,7 +229,7 @@ class Queue:
                 self._files.check_job(job.words[1], job.output)  # which may have become links
                 process = start_process(job.arguments)
             except (OSError, FpsboostError) as error:
-                self._end(job, explain(error) if isinstance(error, OSError) else str(error), 1, kept)
+                self._end(job, explain(error), 1, kept)
                 continue
             with self._changed:
                 self._process = process
@@ -263,7 +256,7 @@ class Queue:
 
     def _end(self, job: Job, message: str, code: int, kept: int) -> None:
         """Set the state of a job whose run has ended; an earlier run had kept `kept` frames."""
-        is_kept = is_unfinished(job.output)
+        is_kept = UnfinishedOutput(job.output).is_resumable
         with self._changed:
             self._process = None
             is_stopped = self._closed or job.state == "stopping"
@@ -300,12 +293,11 @@ def _locked(path: Path) -> BufferedRandom:
         file = path.with_suffix(".lock").open("a+b")
     try:
         lock_file(file)
-    except OSError as error:  # else a disk without locks
-        if error.errno in LOCKED:
-            file.close()
-            raise InUseError(
-                "fpsboost ui is already running; stop it, or leave the folder out to open its page."
-            ) from None
+    except BlockingIOError:
+        file.close()
+        raise InUseError("fpsboost ui is already running; stop it, or leave the folder out to open its page.") from None
+    except OSError:  # a disk without locks
+        pass
     return file
 
 
@@ -321,7 +313,7 @@ def _read(path: Path) -> list[Job]:
         raise OutputError(f"{path} is not a queue of fpsboost ui; move it away.") from error
     for job in jobs:
         if job.state in ("running", "stopping"):  # its server was killed
-            is_kept = is_unfinished(job.output)
+            is_kept = UnfinishedOutput(job.output).is_resumable
             job.pause(0, "Interrupted; it goes on from the last chunk that was finished." if is_kept else BEGINS_ANEW)
             job.frame = int(is_kept)
         elif job.state == "waiting":

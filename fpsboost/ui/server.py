@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from itertools import count
 from pathlib import Path
-from textwrap import shorten
 from threading import Event, Semaphore
 from typing import Any
 
@@ -30,7 +29,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fpsboost import FpsboostError, InputError, OptionError
-from fpsboost.extension import MAX_REASON, explain, notes_of, templates_of
+from fpsboost.extension import explain, templates_of
 from fpsboost.ui.choices import Choices, first_choices, on_page
 from fpsboost.ui.clip import header, place_of, poster, preview_between, probe
 from fpsboost.ui.files import Files, show_in_folder
@@ -368,11 +367,9 @@ async def _left(request: Request) -> None:
 
 async def _notice(request: Request, error: Exception) -> Response:
     """Answer an expected error with the sentence that the command line would print."""
-    sentence = explain(error) if isinstance(error, OSError | MemoryError) else str(error)
-    return Answer({"notice": on_page(" ".join(filter(None, (sentence, notes_of(error)))))}, 400)
+    return Answer({"notice": on_page(" ".join([explain(error), *getattr(error, "__notes__", ())]))}, 400)
 
 
 async def _fault(request: Request, error: Exception) -> Response:
     """Answer an unexpected error, which is a fault of the program."""
-    said = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
-    return Answer({"notice": f"This is a fault in fpsboost ({said}); report it."}, 500)
+    return Answer({"notice": explain(error)}, 500)

@@ -160,7 +160,7 @@ def test_a_request_to_stop_is_repeated_if_it_is_lost(loss):
     """Whatever swallows the exception or replaces it; while others clean up because of it, they are not disturbed."""
     code = f"""if True:
         import signal, threading
-        from fpsboost.cli.app import AGAIN_AFTER, stopping_on
+        from fpsboost.cli.stopping import AGAIN_AFTER, stopping_on
         number, cleaned = signal.SIGTERM, None
         with stopping_on(number):
             try:{LOSSES[loss].replace(chr(10), chr(10) + 8 * " ")}

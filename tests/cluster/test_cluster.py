@@ -16,10 +16,9 @@ from typing import Any
 import pytest
 
 from fpsboost import ConversionJob, Encoding, Part, RunOptions, Timing, convert_job, find_method, join
-from fpsboost.cluster import convert
+from fpsboost.cluster import ClusterError, convert
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import (
-    ClusterError,
     CompleteAlreadyError,
     FpsboostError,
     InputError,
@@ -27,7 +26,6 @@ from fpsboost.errors import (
     OutputError,
     notes_of,
 )
-from fpsboost.parts.plan import PlannedPart
 from support.command_line import assert_refused
 from support.video_truth import packets_of, write_clip
 
@@ -39,8 +37,8 @@ from fpsboost.cluster import dask_engine, worker  # noqa: E402 (only where Dask 
 
 def test_largest_parts_go_first():
     """And parts of one size in order."""
-    planned = [PlannedPart(Part(number, 4), each) for number, each in enumerate((10, 30, 20, 20), 1)]
-    assert [each.part.number for each in dask_engine.largest_first(planned)] == [2, 3, 4, 1]
+    planned = {Part(number, 4): frames for number, frames in enumerate((10, 30, 20, 20), 1)}
+    assert [part.number for part in dask_engine.largest_first(planned)] == [2, 3, 4, 1]
 
 
 @pytest.mark.parametrize(

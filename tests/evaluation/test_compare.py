@@ -22,7 +22,7 @@ from fpsboost.evaluation.export import DATA_VERSION, as_json, write_csv, write_j
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.regions import AREAS, find_regions
-from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, Scores
+from fpsboost.evaluation.results import ComparedClip, Comparison, FrameResult, MethodResult, Scores
 from support.command_line import assert_refused
 from support.comparison_truth import HEIGHT, WIDTH, Nobody, pan, save_clip
 from support.truth import noise
@@ -186,7 +186,7 @@ def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
     assert min(np.subtract(dis, blend)) > 3
     plain = as_json(comparison)
     assert (plain["repeats"], plain["doubtful"], plain["times"]) == ([7], [8], [0.5, 0.5, 0.5, 2 / 3, 0.5])
-    assert len(comparison.notes(compared_methods)) == 2
+    assert len(ComparedClip(comparison, compared_methods).notes()) == 2
 
 
 def test_motion_at_uneven_times_is_made_at_them(tmp_path):
@@ -203,7 +203,7 @@ def test_motion_at_uneven_times_is_made_at_them(tmp_path):
         mse = float(((np.rint(mixed) - interval.hidden[0].truth) ** 2).mean())
         assert frame.scores.mse == pytest.approx(mse, rel=0.1)
     assert comparison.uneven == [3, 5]
-    (note,) = comparison.notes(compared_methods)
+    (note,) = ComparedClip(comparison, compared_methods).notes()
     assert "(even ones with rigid): 3, 5." in note
 
 

@@ -148,9 +148,9 @@ def test_frames_shown_are_those_that_were_scored(comparison):
     def has_level(uri, number):
         return np.allclose(decoded(uri), 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
-    for frame in _view_frames(scored, compared_methods, choose_frames(scored))[0]:
+    for frame in _view_frames(ComparedClip(scored, compared_methods), choose_frames(scored))[0]:
         assert has_level(frame.strips[0].crops[1].uri, frame.number)
-    played = view_passages(scored, compared_methods, [scored.hidden[1:3]])
+    played = view_passages(ComparedClip(scored, compared_methods), [scored.hidden[1:3]])
     hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
     assert [frame["number"] for frame in hidden] == scored.hidden[1:3]
     assert all(has_level(played.uris[frame["images"][1]], frame["number"]) for frame in hidden)
@@ -276,7 +276,7 @@ def test_passages_are_where_methods_differ_and_err(comparison):
 
 def test_played_frames_are_those_of_the_clip(comparison, compared_methods):
     """Frames that were shown have one picture, hidden ones the truth and one of each method, in order."""
-    played = view_passages(comparison, compared_methods, [comparison.hidden])
+    played = view_passages(ComparedClip(comparison, compared_methods), [comparison.hidden])
     assert [frame["number"] for frame in played.frames] == list(range(comparison.clip_frames))
     assert {len(frame["images"]) for frame in played.frames[::2]} == {1}
     assert {len(frame["images"]) for frame in played.frames[1::2]} == {1 + len(NAMES)}
@@ -286,7 +286,7 @@ def test_played_frames_are_those_of_the_clip(comparison, compared_methods):
 def test_some_frames_are_kept_without_loss(comparison, compared_methods):
     """Those asked for, exactly; the others say what they lost. As many as their pixels allow, none that is reduced."""
     first, second = comparison.hidden[:2]
-    played = view_passages(comparison, compared_methods, [[first, second]], exact=[second])
+    played = view_passages(ComparedClip(comparison, compared_methods), [[first, second]], exact=[second])
     frames = {frame["number"]: frame for frame in played.frames}
     assert frames[second]["loss"] == 0 < frames[first]["loss"]
     picture = decoded(played.uris[frames[second]["images"][0]])

@@ -1,5 +1,6 @@
 """Public names: Semantic Versioning covers them, documentation finds them, docstrings agree with signatures."""
 
+import ast
 import importlib
 import inspect
 import pkgutil
@@ -39,6 +40,17 @@ def test_names_for_extensions_come_from_below():
     """None is of the command line, or of what is built upon these names."""
     stub = Path(fpsboost.__file__).with_name("extension.pyi").read_text(encoding="utf-8")
     assert not re.search(r"^from \.(cli|cluster|integrations|preview|rerender|ui)\b", stub, re.MULTILINE)
+
+
+def test_names_for_extensions_are_those_that_they_use():
+    """No name is listed that nothing imports, or that is public anyway."""
+    folder = Path(fpsboost.__file__).parent
+    files = {path: ast.parse(path.read_text(encoding="utf-8")) for path in folder.rglob("*.py")}
+    imports = [node for tree in files.values() for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    used = {alias.name for node in imports if node.module == "fpsboost.extension" for alias in node.names}
+    listed = set(re.findall(r" as (\w+)$", (folder / "extension.pyi").read_text(encoding="utf-8"), re.MULTILINE))
+    assert listed == used
+    assert not listed & set(fpsboost.__all__)
 
 
 @pytest.mark.parametrize("name", ["convert", "stream", "interpolate", "run_conversion"])

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from fpsboost.evaluation.compared_methods import MINTERPOLATE, ComparedMethod, method_names
+from fpsboost.evaluation.compared_methods import MINTERPOLATE, method_names
 from fpsboost.evaluation.export import (
     COLUMNS,
     area_rows,
@@ -45,6 +45,7 @@ from fpsboost.evaluation.results import TIMES, ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
 from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
+from fpsboost.media import counted
 
 PAGE = "index.html"
 """Name of the page in its folder."""
@@ -116,15 +117,15 @@ def _name_of(comparison: Comparison) -> str:
 
 def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     """Return the values for the sections about one of several clips; `at` is a suffix of its element names."""
-    comparison, compared_methods = each
+    comparison = each.comparison
     choices = choose_frames(comparison)
     first = next(iter(choices))
     opening = next((number for number, reasons in choices.items() if DIFFERENT in reasons), first)
-    sections, motion = _view_frames(comparison, compared_methods, choices)
+    sections, motion = _view_frames(each, choices)
     count = count_for(comparison, MAX_PIXELS // clips)
     passages = choose_passages(comparison, count, list(choices))
     exact = choose_exact(comparison, [*dict.fromkeys([opening, first])], MAX_EXACT_PIXELS // clips)
-    played = view_passages(comparison, compared_methods, passages, exact)
+    played = view_passages(each, passages, exact)
     played.opening = opening
     return {
         "at": at,
@@ -132,7 +133,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "name": _name_of(comparison),
         "hidden": describe_hidden(comparison),
         "verdict": judge(comparison),
-        "notes": comparison.notes(compared_methods),
+        "notes": each.notes(),
         "columns": COLUMNS.values(),
         "overall": named_rows(comparison),
         "meanings": [metrics[name].meaning for name in STANDARD],
@@ -159,11 +160,12 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
 
 
 def _view_frames(
-    comparison: Comparison, compared_methods: Mapping[str, ComparedMethod], choices: Mapping[int, Sequence[str]]
+    clip: ComparedClip, choices: Mapping[int, Sequence[str]]
 ) -> tuple[list[FrameSection], MotionView | None]:
     """Return views of the frames of `choose_frames`, and of the motion at the first of them."""
+    comparison = clip.comparison
     images: dict[int, dict[str, Image]] = {number: {} for number in choices}
-    for name, compared_method in compared_methods.items():
+    for name, compared_method in clip.compared_methods.items():
         for frame in compared_method.interpolate(comparison.hold_out.intervals(comparison.clip), choices):
             images[frame.number][name] = frame.image
     samples = read_samples(comparison.clip, comparison.hold_out, choices)
@@ -173,7 +175,7 @@ def _view_frames(
         for number, reasons in choices.items()
     ]
     first = next(iter(choices))
-    return sections, view_motion(samples[first], images[first], compared_methods)
+    return sections, view_motion(samples[first], images[first], clip.compared_methods)
 
 
 def choose_frames(comparison: Comparison) -> dict[int, list[str]]:
@@ -206,10 +208,9 @@ def _title(number: int, reasons: Sequence[str], first: str) -> str:
 def describe_hidden(comparison: Comparison) -> str:
     """Return a sentence on which frames were hidden."""
     skip = comparison.hold_out.skip
-    count = len(comparison.hidden)
     each = "one was" if skip == 1 else f"{skip} were"
-    frames = "frame" if count == 1 else "frames"
-    return f"Between every two frames shown, {each} hidden: {count} {frames} of {comparison.kind}."
+    frames = counted(len(comparison.hidden), "frame")
+    return f"Between every two frames shown, {each} hidden: {frames} of {comparison.kind}."
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:

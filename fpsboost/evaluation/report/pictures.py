@@ -25,7 +25,7 @@ from fpsboost.evaluation.report.self_contained import (
     encode,
     not_too_wide,
 )
-from fpsboost.evaluation.results import Comparison, absolute_error
+from fpsboost.evaluation.results import ComparedClip, Comparison, absolute_error
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.field import ZeroMotion, point_places
@@ -315,13 +315,9 @@ def choose_exact(comparison: Comparison, numbers: Sequence[int], max_pixels: int
     return [] if width > MAX_WIDTH else list(numbers)[: max_pixels // pixels]
 
 
-def view_passages(
-    comparison: Comparison,
-    compared_methods: Mapping[str, ComparedMethod],
-    passages: Sequence[Sequence[int]],
-    exact: Collection[int] = (),
-) -> PlayerData:
+def view_passages(clip: ComparedClip, passages: Sequence[Sequence[int]], exact: Collection[int] = ()) -> PlayerData:
     """Interpolate the hidden frames of passages once more and encode them, those of `exact` without loss."""
+    comparison = clip.comparison
     passage_of = {number: place for place, passage in enumerate(passages) for number in passage}
     data = PlayerData(["truth", *(method.name for method in comparison.methods)], *_size_of(comparison), 0.0)
     frames: dict[tuple[int, int], dict[str, Any]] = {}
@@ -348,7 +344,7 @@ def view_passages(
                     add(number, passage, frame.array, "shown")
             add(hidden.number, passage, hidden.truth, "hidden")
             data.fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
-    for compared_method in compared_methods.values():
+    for compared_method in clip.compared_methods.values():
         for interpolated in compared_method.interpolate(intervals(), passage_of):
             add(interpolated.number, passage_of[interpolated.number], interpolated.image, "hidden")
     data.frames = [frames[key] for key in sorted(frames)]

@@ -285,13 +285,16 @@ def pictures_in(path: str) -> list[Path]:
     return []
 
 
+def image_names(folder: Path) -> list[str]:
+    """Return the names of the images in a folder, without hidden ones."""
+    return [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")]
+
+
 def find_images(path: str) -> NumberedImages:
     """Find the images of a folder or a pattern, some of which may be missing; raise `InputError` if there is none."""
     place = Path(path)
     if place.is_dir():
-        names = [
-            name for name in list_files(place) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")
-        ]
+        names = image_names(place)
         if not names:
             lack = f"holds no images ({', '.join(IMAGE_SUFFIXES)})" if any(place.iterdir()) else "is empty"
             if any(extension_of(name) in VIDEO_SUFFIXES for name in list_files(place)):

@@ -12,7 +12,7 @@ import numpy as np
 from av import VideoFormat, VideoFrame
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.colour import Coding, bgr_to_ycc
+from fpsboost.colour import Coding, bgr_to_ycc, luma_weights
 from fpsboost.frame import Frame
 from fpsboost.image import Image, Pixels, YCbCrImage, view
 from fpsboost.media import (
@@ -218,8 +218,8 @@ def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, k
 
 
 def coding_of(traits: VideoTraits) -> Coding | None:
-    """Return the planar YCbCr coding of a video's pictures, or None if they must be converted to BGR."""
-    if traits.pixel_format not in PLANAR_FORMATS:
+    """Return the planar YCbCr coding of a video's pictures, or None if they have none that frames are made in."""
+    if traits.pixel_format not in PLANAR_FORMATS or traits.color_space not in luma_weights:
         return None
     bits = VideoFormat(traits.pixel_format).components[0].bits
     return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format, bgr_of)
