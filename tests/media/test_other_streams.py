@@ -64,6 +64,16 @@ def test_attachments_go_along(tmp_path):
     ]
 
 
+@pytest.mark.parametrize(("output", "kept"), [("out.mkv", "file"), ("out.mp4", "pictures alone")])
+def test_what_is_not_held_is_not_listed_as_kept(fpsboost_, tmp_path, output, kept):
+    """Before a conversion it is said that a font would be lost, and it is not among what is kept."""
+    write_with(tmp_path / "in.mkv", lambda file, video: file.add_attachment("Sans.ttf", "font/ttf", FONT))
+    said = fpsboost_("in.mkv", output, "--method", "nearest", "--no-cuts", "--dry-run").out
+    assert re.search(r"keeps +(.*?) *\n", said)[1] == kept
+    lost = f"{output} would not hold stream 1 (attachment, Sans.ttf) of its source; write .mkv to keep it."
+    assert (lost in said) == (output == "out.mp4")
+
+
 def test_data_goes_along_where_it_is_known_again(tmp_path):
     """A camera's measurements keep bytes and times in mp4 and mov, and are named where they cannot be held."""
 
