@@ -159,7 +159,7 @@ class EditedSource(ClosesOnExit):
     remarks: Remarks
     edit: Edit
     open_at: Callable[[int], AbstractContextManager[FrameSource]]
-    position_of: Callable[[int, Fraction], SourcePosition] = SourcePosition
+    position_of: Callable[[int, Fraction], SourcePosition]
     """See `fpsboost.contracts.HasPositions`."""
     first: int = 0
     """Place in the edit where reading begins."""
@@ -183,7 +183,7 @@ class EditedSource(ClosesOnExit):
             with self.open_at(begin) as source:
                 frames = _kept(enumerate(islice(source, length), begin), {*run})
                 for frame in frames if run[0] == begin else list(frames)[::-1]:
-                    ends_gap = place in self.edit.after_gaps
+                    ends_gap = frame.ends_gap or place in self.edit.after_gaps
                     yield replace(frame, time=self.edit.times[place], duration=Fraction(0), ends_gap=ends_gap)
                     place += 1
                 self.remarks.take(source.remarks)

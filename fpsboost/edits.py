@@ -71,7 +71,9 @@ class OpenedClip:
 
     def edited(self, edit: Edit, info: ClipInfo, remarks: Iterable[str] = ()) -> "OpenedClip":
         """Return the clip with its frames as an edit lists them; `info` is that of the edited clip."""
-        source = EditedSource(info, Remarks([*self.whole.remarks, *remarks]), edit, self.read_from)
+        position_of = positions_of(self.source)
+        remarks = Remarks([*self.whole.remarks, *remarks])
+        source = EditedSource(info, remarks, edit, self.read_from, position_of)
         return replace(self, source=source, read_from=source.again)
 
 

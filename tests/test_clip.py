@@ -17,6 +17,7 @@ from fpsboost import InputError, OptionError, Part, convert, find_method, interp
 from fpsboost.evaluation.steadiness import StepMeter
 from support.animation_truth import plays_of, read_animation, write_animation
 from support.conversion_options import double, keeping_duplicates
+from support.truth import noise
 from support.video_truth import scene, turntable, write_clip
 
 
@@ -105,6 +106,15 @@ def test_a_loop_has_no_first_frame(tmp_path, fps, turn, repeated):
         assert (summary.frames_in, summary.frames_out) == (len(clip), len(times))
     assert len(motions[0]) == (0 if fps == 24 and not repeated else 16)
     assert repeated or motions[1] == motions[0][2 * turn :] + motions[0][: 2 * turn]
+
+
+def test_a_gap_in_a_loop_is_no_cut(tmp_path):
+    """Images that the user knows to be missing lie between two that differ, as without a loop."""
+    (tmp_path / "in").mkdir()
+    for number, image in {1: noise(48, 64), 2: noise(48, 64), 5: 255 - noise(48, 64), 6: 255 - noise(48, 64)}.items():
+        cv2.imwrite(str(tmp_path / "in" / f"{number:02}.png"), image)
+    summary = convert(tmp_path / "in", tmp_path / "out", loop=True, fill_gaps=True, method="nlm-fast")
+    assert (summary.scene_cuts, summary.frames_made) == (0, 2)
 
 
 @pytest.mark.parametrize("target", ["out.gif", "out.webp"])

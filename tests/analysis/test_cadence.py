@@ -1,5 +1,6 @@
 """Repeated frames left out, and dropped ones made again: all pictures at the times at which they were taken."""
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import accumulate, chain, cycle, islice
 from pathlib import Path
@@ -7,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, convert
+from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, Position, convert, find_method
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.gaps import find_gaps
+from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.timing.edit import Edit
 from support.conversion_options import FAST
 from support.held_frames import HEIGHT, WIDTH, pan
@@ -117,6 +119,21 @@ def test_a_conversion_drops_them_and_restores_them(fpsboost_, tmp_path):
     convert("film.mp4", "back.mp4", fps="59.94", **options)
     assert times_of("back.mp4") == times_of("in.mp4")
     assert convert("in.mp4", "doubled.mp4", duplicates="drop", factor=2, **options).frames_out == 72
+
+
+def test_cuts_count_from_the_first_frame_of_the_clip(tmp_path):
+    """A listed time is one of the clip, also where a part of it is read, and repeats are left out."""
+    pictures = shown([2], 50)
+    clip = write_clip(
+        tmp_path / "in.mp4",
+        times=range(50),
+        size=(HEIGHT, WIDTH),
+        picture=lambda number, *size: pan(3 * pictures[number]),
+    )
+    method = replace(find_method("blend"), cuts=CutList((Position(Fraction(3, 2)),)))
+    options = {"method": method, "duplicates": "drop", "factor": 2, "encoding": FAST}
+    for start in (None, "1"):
+        assert convert(clip, tmp_path / f"from {start}.mp4", start=start, **options).scene_cuts == 1
 
 
 def times_of(name: str) -> list[Fraction]:
