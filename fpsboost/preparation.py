@@ -88,7 +88,9 @@ def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
     """Return the memory that a conversion may take, and what it takes for a pixel, by its method and output."""
     kind = Target.parse(job.output or "images/").kind
     each = BYTES_PER_PIXEL_OF.get(type(job.method.estimator), BYTES_PER_PIXEL)
-    return replace(run.limit or MemoryLimit(), bytes_per_pixel=each + ENCODER_BYTES_PER_PIXEL * (kind == "video"))
+    if kind == "video":
+        each += ENCODER_BYTES_PER_PIXEL
+    return replace(run.limit or MemoryLimit(), bytes_per_pixel=each)
 
 
 @contextmanager

@@ -102,12 +102,8 @@ class Repeats:
             if len(follows) >= MIN_CYCLES * frames and follows.any():
                 share = float(follows.mean())
                 longest = max((sum(1 for _ in run) for value, run in groupby(follows) if not value), default=0)
-                found.append(
-                    Cadence(
-                        *(pictures, frames, rate * pictures / frames, share),
-                        is_certain=share >= MIN_SHARE and longest <= MAX_BREAK * frames,
-                    )
-                )
+                is_certain = share >= MIN_SHARE and longest <= MAX_BREAK * frames
+                found.append(Cadence(pictures, frames, rate * pictures / frames, share, is_certain))
         return max(found, key=lambda each: each.share, default=None)
 
     def kept(self, cadence: Cadence | None) -> Edit:
