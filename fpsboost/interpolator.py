@@ -14,7 +14,7 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
-from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy, counts_frames
+from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy
 from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame import ClipInfo
@@ -50,6 +50,10 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
 @runtime_checkable
 class FrameMask(Protocol):
     """Contract: areas of the frames of a sequence that stay as they are, such as a HUD; `fpsboost.Mask` is one."""
+
+    @property
+    def counts_frames(self) -> bool:
+        """Whether each frame of the clip has a mask of its own."""
 
     @property
     def parts(self) -> tuple[Callable[[FrameCache], FrameCache], ...]:
@@ -142,15 +146,20 @@ class Interpolator(Checked):
             "at_cuts='extrapolate'": self.at_cuts == "extrapolate",
             "below": self.below != LEAST_CONFIDENCE,
             "cuts": isinstance(self.cuts, CutList),
-            "`cuts` by frames": counts_frames(self.cuts),
+            "`cuts` by frames": isinstance(self.cuts, CutList) and self.cuts.counts_frames,
             "mask": self.mask is not None,
-            "`mask` by frames": counts_frames(self.mask),
+            "`mask` by frames": self.mask is not None and self.mask.counts_frames,
             "mask_as='layer'": self.mask is not None and len(self.mask.parts) > 0,
             "match_grain": self.match_grain,
             "uncertain": self.uncertain != "keep",
             "vectors": self.uses_vectors,
         }
         return {name for name, is_given in given.items() if is_given}
+
+    @property
+    def counts_frames(self) -> bool:
+        """Whether cuts or a mask go by the numbers of frames, so that none of the clip may be left unread."""
+        return not self.names_given().isdisjoint({"`cuts` by frames", "`mask` by frames"})
 
     @property
     def _parts(self) -> dict[str, MotionEstimator | Synthesizer]:
@@ -338,7 +347,7 @@ class Interpolator(Checked):
         hidden, layers = pair.parts(*mask.parts)
         behind = background.images(hidden, times, with_confidence=with_confidence)
         shown = layer.images(layers, times, with_confidence=with_confidence)
-        if not counts_frames(mask):  # what changes where it stands, such as digits, is not to be mixed
+        if not mask.counts_frames:  # what changes where it stands, such as digits, is not to be mixed
             still = layers.uncertainty_map(lambda: find_still_parts(layers.image0, layers.image1, layers.fields[0]))
             shown = _replace_uncertain(shown, times, layers, still, mix=False)
         return map(mask.composite, behind, shown)

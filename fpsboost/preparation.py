@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 
 from fpsboost.analysis.duplicates import DuplicateDetector
-from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.conflicts import check_together
 from fpsboost.contracts import FrameSource, RandomAccess
 from fpsboost.derived_sources import trim_source
@@ -134,7 +133,7 @@ def opened_part(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         trim = job.decoding.trim
         info = with_duration(whole) if timing.retimes else whole.info
         curve = timing.time_map(trim.of_info(info), 1 if images is None else images.first_number)
-        may_skip = not counts_frames(method.cuts, method.mask) and timing.replace is None
+        may_skip = not method.counts_frames and timing.replace is None
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or timing.slow_map)
         yield OpenedClip(target, whole, source, partial(read_again, job, run, whole), window, curve, curve)
 
@@ -210,7 +209,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     if interpolator.mask is not None:
         # videos come upright where the output is no video
         matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
-        is_whole = counts_frames(interpolator.mask) and job.decoding.trim.is_whole
+        is_whole = interpolator.mask.counts_frames and job.decoding.trim.is_whole
         times = clip.source.frame_times() if is_whole else None
         interpolator = replace(interpolator, mask=interpolator.mask.fitted(info, matrix, times))
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or timing.loop)

@@ -99,20 +99,6 @@ class CutPolicy(Protocol):
         """Return whether a frame only interrupts a scene, given the match score of the frames around it."""
 
 
-@runtime_checkable
-class CountsFrames(Protocol):
-    """Contract: cut policy or mask that may go by the numbers of frames."""
-
-    @property
-    def counts_frames(self) -> bool:
-        """Whether it does, so that no frame of the clip may be left unread."""
-
-
-def counts_frames(*policies: object) -> bool:
-    """Return whether a cut policy, or a mask, uses the numbers of frames, so that none may be skipped."""
-    return any(isinstance(each, CountsFrames) and each.counts_frames for each in policies)
-
-
 @dataclass(frozen=True)
 class CutDetector(Checked):
     """Detector of scene cuts: pairs in which hardly any motion is consistent forward and backward.

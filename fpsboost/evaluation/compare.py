@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from fpsboost import __version__
-from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
+from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.compared_methods import ComparedMethod, InterpolatedFrame
 from fpsboost.evaluation.further_metrics import STANDARD, Meters
@@ -98,7 +98,7 @@ def compare(
         raise OptionError(f"There is no method to compare{reasons}; name others with `methods`.")
     if vectors is not None:  # which give the motion, as in conversions
         hold_out = replace(hold_out, duplicates="keep", counts_frames=True)
-    if counts_frames(cuts):
+    if isinstance(cuts, CutList) and cuts.counts_frames:
         hold_out = replace(hold_out, counts_frames=True)
     metrics = tuple(dict.fromkeys((*STANDARD, *metrics)))
     advice = "free some space there, or name another folder with TMPDIR"

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.conflicts import check_together
 from fpsboost.contracts import OutputRange, Summary
 from fpsboost.edits import OpenedClip
@@ -232,11 +231,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     outputs = plan.outputs
     assert summary is not None
     read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
-    by_number = (
-        isinstance(ready.base_schedule, ByFactor)
-        or job.method.match_grain
-        or counts_frames(job.method.cuts, job.method.mask)
-    )
+    by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or job.method.counts_frames
     return Manifest(
         part=plan.part,
         input=str(Path(job.input).absolute()),
