@@ -85,14 +85,17 @@ class ClosesOnExit:
 
 
 class ReadInOrder(ClosesOnExit):
-    """Source that is read from its first frame on, and whose times only decoding tells; see `RandomAccess`."""
+    """Source that reads all frames from the first one on, and whose times only decoding tells; see `RandomAccess`."""
+
+    _begin = 0
+    """Number of frames that are read and dropped."""
 
     def frame_times(self) -> None:
         """Return None."""
 
     def begin_at(self, number: int) -> None:
-        """Do nothing, as long as the frame is the first one."""
-        assert number == 0, "frames that are not listed have no numbers"
+        """Drop the frames before the one with a number, counted from 0."""
+        self._begin = number
 
 
 @runtime_checkable

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, Position, convert, find_method
+from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, Part, Position, convert, find_method, join
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.gaps import find_gaps
@@ -134,6 +134,26 @@ def test_cuts_count_from_the_first_frame_of_the_clip(tmp_path):
     options = {"method": method, "duplicates": "drop", "factor": 2, "encoding": FAST}
     for start in (None, "1"):
         assert convert(clip, tmp_path / f"from {start}.mp4", start=start, **options).scene_cuts == 1
+
+
+@pytest.mark.parametrize("decoder", ["ffmpeg", "opencv"])
+def test_parts_without_repeats_are_those_of_one_run(tmp_path, decoder):
+    """Also of a file whose times only decoding tells, and by a library that reads from the first frame on."""
+    pictures = shown([2], 40)
+    clip = write_clip(
+        tmp_path / "in.avi",
+        times=range(40),
+        size=(HEIGHT, WIDTH),
+        codec="mpeg4",
+        picture=lambda number, *size: pan(3 * pictures[number]),
+    )
+    options = {"method": "blend", "duplicates": "drop", "factor": 2, "decoder": decoder}
+    convert(clip, tmp_path / "whole", **options)
+    for number in (1, 2):
+        convert(clip, tmp_path / "out", chunk=Part(number, 2), **options)
+    join(tmp_path / "out", tmp_path / "out.parts")
+    whole, joined = ([path.read_bytes() for path in sorted((tmp_path / name).iterdir())] for name in ("whole", "out"))
+    assert joined == whole
 
 
 def times_of(name: str) -> list[Fraction]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ class ArraySource(ReadInOrder):
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; the images are consumed."""
         is_checked = False
-        for number, image in enumerate(map(_with_channels, self._images)):
+        for number, image in islice(enumerate(map(_with_channels, self._images)), self._begin, None):
             check_pair(self._first, image)
             if not is_checked and (image != image[0, 0, 0]).any():  # black tells nothing
                 check_values(image, self.info.name)

@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import islice
 from types import TracebackType
 from typing import Any, BinaryIO, Self
 
@@ -128,7 +129,7 @@ class PipeSource(ReadInOrder):
         self._first = None
         if first is None:
             raise InputError(f"{INPUT_NAME} can be read only once; pipe it in again.")
-        return self._frames(first)
+        return islice(self._frames(first), self._begin, None)
 
     def cancel(self) -> None:
         """Stop waiting for standard input, from another thread; no effect on a stream of the caller."""
