@@ -21,6 +21,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
+from fpsboost.io import DescribedSource
 from fpsboost.io.animation import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
@@ -95,57 +96,58 @@ def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
 @contextmanager
 def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
     """Open the source of a job while the block lasts, with its frames as they are converted."""
-    with opened_part(job, run) as part:
-        yield _edited(part, job)
+    timing = job.timing
+    target = job.target(run)
+    with open_whole(job, run, target) as whole:
+        images = whole.stream_info.images
+        _check_layers(images, job.method, timing)
+        trim = job.decoding.trim
+        info = with_duration(whole) if timing.retimes else whole.info
+        curve = timing.time_map(trim.of_info(info), 1 if images is None else images.first_number)
+        may_skip = not job.method.counts_frames and timing.replace is None
+        source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or timing.slow_map)
+        clip = OpenedClip(target, whole, source, partial(read_again, job, run, target, whole), window, curve, curve)
+        if curve is not None and curve.reverses:
+            check_together(job.names_given() | {"`retime` that plays backwards"})
+            clip = played_backwards(clip, curve)
+        if timing.duplicates == "drop":
+            clip = without_repeats(clip, job.method.duplicates or DuplicateDetector())
+        if timing.gaps is not None:
+            clip = with_gaps(clip, timing.gaps)
+        yield clip
 
 
-def _edited(clip: OpenedClip, job: ConversionJob) -> OpenedClip:
-    if clip.curve is not None and clip.curve.reverses:
-        check_together(job.names_given() | {"`retime` that plays backwards"})
-        return played_backwards(clip, clip.curve)
-    if job.timing.duplicates == "drop":
-        return without_repeats(clip, job.method.duplicates or DuplicateDetector())
-    return clip if job.timing.gaps is None else with_gaps(clip, job.timing.gaps)
-
-
-@contextmanager
-def opened_part(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
-    """Open the part of its source that a job converts, while the block lasts; see `fpsboost.io.opening.open_source`."""
+def open_whole(job: ConversionJob, run: RunOptions, target: Target) -> DescribedSource:
+    """Open the whole clip of a job as its target needs it; see `fpsboost.io.opening.open_source`."""
     timing = job.timing
     method = job.method
-    target = job.target(run)
     requirements = target.requirements(
         job.encoding,
         needs_rate=timing.fps is not None or job.decoding.trim.needs_rate,
         takes_planes=method.takes_planes and timing.shutter is None,
         takes_layers=method.takes_layers and timing.shutter is None,
     )
-    with open_source(
+    return open_source(
         os.fspath(job.input),
         requirements=requirements,
         decoding=job.decoding,
         fill_gaps=timing.fill_gaps,
         in_place=run.in_place,
         limit=memory_limit(job, run),
-    ) as whole:
-        images = whole.stream_info.images
-        _check_layers(images, method, timing)
-        trim = job.decoding.trim
-        info = with_duration(whole) if timing.retimes else whole.info
-        curve = timing.time_map(trim.of_info(info), 1 if images is None else images.first_number)
-        may_skip = not method.counts_frames and timing.replace is None
-        source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or timing.slow_map)
-        yield OpenedClip(target, whole, source, partial(read_again, job, run, whole), window, curve, curve)
+    )
 
 
 @contextmanager
-def read_again(job: ConversionJob, run: RunOptions, whole: FrameSource, number: int) -> Iterator[FrameSource]:
-    """Open the part that a job converts of its source `whole` once more, to be read from a frame on."""
-    with opened_part(job, run) as again:
-        if isinstance(whole, VideoSource) and isinstance(again.whole, VideoSource):
-            again.whole.frame_index = whole.frame_index
-        again.source.begin_at(number)
-        yield again.source
+def read_again(
+    job: ConversionJob, run: RunOptions, target: Target, whole: DescribedSource, number: int
+) -> Iterator[FrameSource]:
+    """Open the part that a job converts of a clip, which is open as `whole`, once more, to be read from a frame on."""
+    with open_whole(job, run, target) as again:
+        if isinstance(whole, VideoSource) and isinstance(again, VideoSource):
+            again.frame_index = whole.frame_index
+        part, _ = trim_source(again, job.decoding.trim)
+        part.begin_at(number)
+        yield part
 
 
 def with_duration(source: RandomAccess) -> ClipInfo:

@@ -31,7 +31,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.layered import FrameImage
 from fpsboost.media import Window, pyav_version, write_safely
-from fpsboost.preparation import ConversionJob, Preparation, opened_part, prepared
+from fpsboost.preparation import ConversionJob, Preparation, open_whole, prepared
 from fpsboost.remarks import Remarks
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.options import Timing
@@ -189,8 +189,8 @@ def facts_of(ready: Preparation) -> dict[str, str]:
     alike.
     """
     job = ready.job
-    with opened_part(job, ready.run) as again:
-        image = next(iter(again.whole)).image
+    with open_whole(job, ready.run, ready.target) as whole:
+        image = next(iter(whole)).image
     with explained(InputError, "read", ready.clip.whole.info.name, "check that it is still there"):
         return fingerprint_options(
             identify_files,
