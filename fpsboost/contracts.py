@@ -102,10 +102,11 @@ class ReadInOrder(ClosesOnExit):
 class FrameSink(AbstractContextManager["FrameSink"], Protocol):
     """Contract: sink that writes the whole output or none; only data written to a pipe cannot be undone.
 
-    Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
-    finishes the output and gives it its final name; leaving it by an exception removes everything except finished
-    frames from which a later run can resume. An existing file of the final name stays untouched until then. Raises
-    `OutputError`, never a bare OSError.
+    Frames are written in order, each with its time and duration set; those that are made have their confidence, and the
+    first one between two frames their motion, if the sink has an attribute `needs_confidence` or `needs_motion` that is
+    True. A sink is a context manager: leaving it normally finishes the output and gives it its final name; leaving it
+    by an exception removes everything except finished frames from which a later run can resume. An existing file of the
+    final name stays untouched until then. Raises `OutputError`, never a bare OSError.
     """
 
     holds_last_frame: bool
@@ -118,22 +119,6 @@ class FrameSink(AbstractContextManager["FrameSink"], Protocol):
     def write(self, frame: Frame) -> None: ...
 
     def __enter__(self) -> Self: ...
-
-
-@runtime_checkable
-class NeedsConfidence(Protocol):
-    """Contract: sink or watcher that may ask for the confidence of interpolated frames; see `fpsboost.Frame`."""
-
-    needs_confidence: bool
-    """Whether frames that are made are to have their confidence."""
-
-
-@runtime_checkable
-class NeedsMotion(Protocol):
-    """Contract: sink that may ask for the motion between the frames of the source; see `fpsboost.Frame`."""
-
-    needs_motion: bool
-    """Whether the first frame that is made between two is to have their motion."""
 
 
 @runtime_checkable
@@ -276,8 +261,11 @@ class Observer(Protocol):
 
 
 @runtime_checkable
-class FrameWatcher(NeedsConfidence, Protocol):
+class FrameWatcher(Protocol):
     """Contract: sees the frames of an output as they are written."""
+
+    needs_confidence: bool
+    """Whether frames that are made are to have their confidence; see `fpsboost.Frame`."""
 
     def watch(self, frame: Frame) -> None:
         """Take notice of the next frame, whose image must not be changed."""

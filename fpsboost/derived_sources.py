@@ -48,9 +48,11 @@ class TrimmedSource(ClosesOnExit):
         self._source = source
         self._trim = trim
         by_frames = any(place is not None and place.is_frame for place in (trim.start, trim.end))
-        self._video = source if isinstance(source, VideoSource) else None
-        self._may_skip = may_skip and trim.start is not None and not by_frames and self._video is not None
-        origin = Fraction(0) if self._video is None else self._video.first_time()
+        origin = Fraction(0)
+        self._sought: VideoSource | None = None
+        if isinstance(source, VideoSource):
+            origin = source.first_time()
+            self._sought = source if may_skip and trim.start is not None and not by_frames else None
         begin, end = trim.seconds(source.info)
         planned_end = None if end is None else origin + end
         self._rounding = min(source.info.time_base, TIME_TOLERANCE)
@@ -76,7 +78,7 @@ class TrimmedSource(ClosesOnExit):
         If frames before the part were skipped without reading them, they are counted by the nominal rate.
         """
         window = self.window
-        before = window.frames_before(self._source.info.rate) if self._may_skip else window.skipped
+        before = window.frames_before(self._source.info.rate) if self._sought else window.skipped
         return SourcePosition(before + number, window.begin - window.origin + seconds)
 
     def close(self) -> None:
@@ -120,11 +122,11 @@ class TrimmedSource(ClosesOnExit):
         start = self._trim.start
         end = self._trim.end
         window = self.window
-        if self._may_skip and self._video is not None and not self._begun:
-            self._video.skip_to(window.begin - self._rounding)
+        if self._sought is not None and not self._begun:
+            self._sought.skip_to(window.begin - self._rounding)
         last: Frame | None = None
         for number, frame in enumerate(self._source, self._first):
-            if number == 0 and self._video is None:
+            if number == 0 and self._sought is None:
                 window.origin = frame.time
             seconds = frame.time - window.origin + self._rounding
             if start is not None and not start.is_reached(number, seconds):

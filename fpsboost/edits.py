@@ -70,10 +70,10 @@ class OpenedClip:
         return None
 
     def edited(self, edit: Edit, info: ClipInfo, remarks: Iterable[str] = ()) -> "OpenedClip":
-        """Return the clip with its frames as an edit lists them; `info` is that of the edited clip."""
+        """Return the clip with its frames as an edit lists them; the length in `info` is ignored."""
         position_of = positions_of(self.source)
         remarks = Remarks([*self.whole.remarks, *remarks])
-        source = EditedSource(info, remarks, edit, self.read_from, position_of)
+        source = EditedSource(edit.of_info(info), remarks, edit, self.read_from, position_of)
         return replace(self, source=source, read_from=source.again)
 
 
@@ -86,7 +86,7 @@ def played_backwards(clip: OpenedClip, curve: TimeMap) -> OpenedClip:
             "let no time fall, or convert it with `factor=1` first."
         )
     edit, unfolded = Edit.whole(times).unfolded(curve)
-    return replace(clip.edited(edit, edit.of_info(clip.source.info)), curve=unfolded)
+    return replace(clip.edited(edit, clip.source.info), curve=unfolded)
 
 
 def without_repeats(clip: OpenedClip, detector: DuplicateDetector) -> OpenedClip:
@@ -109,7 +109,7 @@ def without_repeats(clip: OpenedClip, detector: DuplicateDetector) -> OpenedClip
     all_frames = len(found.times)
     remarks = Remarks()
     remarks.add("repeats-dropped", count=all_frames - len(edit.frames), frames=all_frames, how=how)
-    return clip.edited(edit, edit.of_info(info), remarks)
+    return clip.edited(edit, info, remarks)
 
 
 def with_gaps(clip: OpenedClip, gaps: Gaps) -> OpenedClip:
@@ -132,7 +132,7 @@ def with_gaps(clip: OpenedClip, gaps: Gaps) -> OpenedClip:
         for number, (begin, end) in enumerate(pairwise(times))
     ]
     edit = Edit.whole(times).with_gaps(missing, 1 / info.rate)
-    return clip.edited(edit, edit.of_info(info), _remarks_on_gaps(missing, info.rate))
+    return clip.edited(edit, info, _remarks_on_gaps(missing, info.rate))
 
 
 def _remarks_on_gaps(missing: list[int], rate: Fraction) -> Remarks:
@@ -177,8 +177,7 @@ def looped(clip: OpenedClip, schedule: Schedule, *, keeps_sound: bool) -> tuple[
     if any(after - time > MAX_FILLED for time, after in pairwise([*times, end])):
         raise OptionError(f"`loop` shows no frame for minutes, as {name} does; leave it out.")
     window = clip.window
-    of_clip = clip.whole.frame_times()
-    if window is not None and of_clip is not None and window.skipped + count < len(of_clip):
+    if window is not None and window.skipped + count < len(clip.whole.frame_times() or ()):
         window.end = window.begin + end - start  # the clip goes on, and so does its sound
     info = replace(source.info, frame_count=count, duration=end - start)
     total = count_frames(schedule, info, holds_last_frame=True)

@@ -121,19 +121,16 @@ def open_whole(job: ConversionJob, run: RunOptions, target: Target) -> Described
     """Open the whole clip of a job as its target needs it; see `fpsboost.io.opening.open_source`."""
     timing = job.timing
     method = job.method
-    requirements = target.requirements(
+    needs = target.requirements(
         job.encoding,
         needs_rate=timing.fps is not None or job.decoding.trim.needs_rate,
         takes_planes=method.takes_planes and timing.shutter is None,
         takes_layers=method.takes_layers and timing.shutter is None,
     )
+    path = os.fspath(job.input)
+    limit = memory_limit(job, run)
     return open_source(
-        os.fspath(job.input),
-        requirements=requirements,
-        decoding=job.decoding,
-        fill_gaps=timing.fill_gaps,
-        in_place=run.in_place,
-        limit=memory_limit(job, run),
+        path, requirements=needs, decoding=job.decoding, fill_gaps=timing.fill_gaps, in_place=run.in_place, limit=limit
     )
 
 

@@ -24,8 +24,6 @@ from fpsboost.contracts import (
     HasDetails,
     HasPositions,
     LowestMatch,
-    NeedsConfidence,
-    NeedsMotion,
     Observer,
     OutputRange,
     SilentObserver,
@@ -150,8 +148,8 @@ def interpolate_frames(
             interpolator,
             summary,
             holds_last_frame=sink is None or sink.holds_last_frame,
-            needs_confidence=isinstance(sink, NeedsConfidence) and sink.needs_confidence,
-            needs_motion=isinstance(sink, NeedsMotion) and sink.needs_motion,
+            needs_confidence=getattr(sink, "needs_confidence", False),
+            needs_motion=getattr(sink, "needs_motion", False),
         )
         yield loop.frames(in_order(loop.tasks(chain(first, arriving))))
 
