@@ -104,9 +104,10 @@ class FrameSink(AbstractContextManager["FrameSink"], Protocol):
 
     Frames are written in order, each with its time and duration set; those that are made have their confidence, and the
     first one between two frames their motion, if the sink has an attribute `needs_confidence` or `needs_motion` that is
-    True. A sink is a context manager: leaving it normally finishes the output and gives it its final name; leaving it
-    by an exception removes everything except finished frames from which a later run can resume. An existing file of the
-    final name stays untouched until then. Raises `OutputError`, never a bare OSError.
+    True. An attribute `details` says how it writes, for verbose output. A sink is a context manager: leaving it
+    normally finishes the output and gives it its final name; leaving it by an exception removes everything except
+    finished frames from which a later run can resume. An existing file of the final name stays untouched until then.
+    Raises `OutputError`, never a bare OSError.
     """
 
     holds_last_frame: bool
@@ -119,15 +120,6 @@ class FrameSink(AbstractContextManager["FrameSink"], Protocol):
     def write(self, frame: Frame) -> None: ...
 
     def __enter__(self) -> Self: ...
-
-
-@runtime_checkable
-class HasDetails(Protocol):
-    """Contract: sink that chooses how it writes."""
-
-    @property
-    def details(self) -> str:
-        """How it writes, for verbose output; empty if there was no choice."""
 
 
 @runtime_checkable

@@ -21,7 +21,6 @@ from fpsboost.contracts import (
     Cancellable,
     FrameSink,
     FrameSource,
-    HasDetails,
     HasPositions,
     LowestMatch,
     Observer,
@@ -115,7 +114,7 @@ def run_conversion(
             summary.seconds = time.perf_counter() - begin
             observer.wrote(summary)
     summary.remarks.take([*source.remarks, *sink.remarks])
-    summary.details = sink.details if isinstance(sink, HasDetails) else ""
+    summary.details = getattr(sink, "details", "")
     return summary
 
 

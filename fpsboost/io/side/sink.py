@@ -13,7 +13,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher, HasDetails
+from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher
 from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.frame import Frame, PairMotion
 from fpsboost.io.images.encoder import encode_image
@@ -74,7 +74,7 @@ class SideSink:
     @property
     def details(self) -> str:
         """Details of the sink; empty if it has none."""
-        return self._sink.details if isinstance(self._sink, HasDetails) else ""
+        return str(getattr(self._sink, "details", ""))
 
     def cancel(self) -> None:
         """Let the sink stop waiting, if it can wait."""
