@@ -92,6 +92,6 @@ def test_the_summary_counts_what_is_unsure():
     summary = run_conversion(FakeSource(frames), method, FakeSink(), ByFactor(Fraction(3)), threads=1)
     assert (summary.unsure_frames, round(summary.unsure_pixels, 1)) == (4, 2.0)
     assert not method.takes_layers
-    for options, says in (({"below": 1.5}, "must be 0 to 1"), ({"uncertain": "keep", "below": 0.3}, "goes with")):
+    for options, says in (({"below": 1.5}, "must be 0 to 1"), ({"uncertain": "keep", "below": 0.3}, "needs")):
         with pytest.raises(OptionError, match=f"`below` {says}"):
             replace(method, **options)
