@@ -40,7 +40,7 @@ from fpsboost.pair import Pair
 from fpsboost.render.folder import VectorFolder
 from fpsboost.repair import find_damaged
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.multi_hypothesis import Candidates, MultiHypothesis, _Moment
+from fpsboost.synthesis.multi_hypothesis import BlendInput, Candidates, MultiHypothesis
 
 Picture = NDArray[Any]
 """(H, W) or (H, W, 3) uint8, BGR."""
@@ -213,8 +213,8 @@ def draw_candidates() -> Path:
     frames = clip()[27:29]
     pair, fuse = methods["nlm"].pair(*prepared(frames)), MultiHypothesis()
     frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
-    (moment,) = fuse._moments(frame_pair, [0.5])
-    listed, t = moment.candidates, moment.t
+    (inputs,) = fuse._blend_inputs(frame_pair, [0.5])
+    listed, t = inputs.candidates, inputs.t
     row, column, scale = 8, 15, 4
     before, side = (WINDOW - listed.spacing) // 2, WINDOW
     top, left = row * listed.spacing - before, column * listed.spacing - before
@@ -224,7 +224,7 @@ def draw_candidates() -> Path:
         motion, prior = listed.motions[row, column, k], listed.weights[row, column, k]
         if prior == 0:
             continue
-        mixed, alike = alone_everywhere(fuse, moment, motion)
+        mixed, alike = alone_everywhere(fuse, inputs, motion)
         weight = prior * np.exp(-fuse.sharpness * (1 - alike[window]))
         weights.append(weight)
         centre = left + side / 2 - 0.5, top + side / 2 - 0.5
@@ -402,13 +402,13 @@ def similarity_map(first: Picture, second: Picture, y: int, x: int, radius: int,
     return found
 
 
-def alone_everywhere(fuse: MultiHypothesis, moment: _Moment, motion: Picture) -> tuple[Picture, Picture]:
+def alone_everywhere(fuse: MultiHypothesis, inputs: BlendInput, motion: Picture) -> tuple[Picture, Picture]:
     """Return the in-between frame made with one motion everywhere, and the similarity of every pixel along it."""
-    listed = moment.candidates
+    listed = inputs.candidates
     motions, weights = np.zeros_like(listed.motions), np.zeros_like(listed.weights)
     motions[..., 0, :2], weights[..., 0] = motion[:2], 1
     alone = Candidates(np.ones_like(listed.listed), motions, weights, listed.spacing)
-    image, confidence = fuse._mixed(moment._replace(candidates=alone), with_confidence=True)
+    image, confidence = fuse._mixed(inputs._replace(candidates=alone), with_confidence=True)
     return np.asarray(image), confidence ** (1 / 8)
 
 

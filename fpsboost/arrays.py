@@ -11,20 +11,23 @@ from typing import Annotated, Any, Literal, overload
 import cv2
 import numpy as np
 
+from fpsboost.analysis.duplicates import detector_of
 from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.conflicts import check_together
 from fpsboost.contracts import Entry, FrameSource, OutputRange, Summary
 from fpsboost.edits import LOOP_CONTEXT
 from fpsboost.errors import InputError, OptionError
-from fpsboost.image import Image, check_image
+from fpsboost.image import Image
+from fpsboost.image_checks import check_image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF, find_method
-from fpsboost.options import PathName, Range, Rate, checked
+from fpsboost.options import Duplicates, PathName, Range, Rate, checked
 from fpsboost.streaming import interpolate_frames
+from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.options import Timing
 from fpsboost.timing.schedule import MAX_FACTOR, MAX_RATE, parse_rate
 
@@ -38,6 +41,7 @@ def stream(
     retime: PathName | None = None,
     method: str | Interpolator = "nlm",
     input_fps: Rate | None = None,
+    duplicates: Duplicates = "interpolate",
     threads: Annotated[int, Range(1)] | None = None,
 ) -> Iterator[Image]:
     """Raise the frame rate of a source of frames, and yield frames as they are made.
@@ -62,6 +66,8 @@ def stream(
         A name from `fpsboost.methods`, or an object.
     input_fps : Fraction, int, float or str, optional
         Frames per second of images and arrays, and of a capture without a rate.
+    duplicates : {'interpolate', 'keep'}
+        Whether frames that repeat the one before are replaced by interpolated ones, or kept.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
 
@@ -96,7 +102,8 @@ def stream(
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
         schedule = timing.schedule(opened.info, curve=curve)
-        with interpolate_frames(opened, interpolator, schedule, Summary(), threads=threads) as frames:
+        options = TimelineOptions(duplicates=detector_of(duplicates))
+        with interpolate_frames(opened, interpolator, schedule, Summary(), options=options, threads=threads) as frames:
             for frame in frames:
                 yield frame.array
 
@@ -134,6 +141,7 @@ def interpolate_clip(
     *,
     order: Literal["rgb", "bgr"] = ...,
     layout: Literal["nhwc", "nchw"] = ...,
+    duplicates: Duplicates = ...,
     threads: int | None = ...,
     progress: Callable[[int, int | None], object] | None = ...,
 ) -> Iterator[tuple[Image, Fraction]]: ...
@@ -148,6 +156,7 @@ def interpolate_clip(
     *,
     order: Literal["rgb", "bgr"] = ...,
     layout: Literal["nhwc", "nchw"] = ...,
+    duplicates: Duplicates = ...,
     threads: int | None = ...,
     progress: Callable[[int, int | None], object] | None = ...,
 ) -> tuple[Image, list[Fraction]]: ...
@@ -162,6 +171,7 @@ def interpolate_clip(
     *,
     order: Literal["rgb", "bgr"] = "rgb",
     layout: Literal["nhwc", "nchw"] = "nhwc",
+    duplicates: Duplicates = "interpolate",
     threads: Annotated[int, Range(1)] | None = None,
     progress: Callable[[int, int | None], object] | None = None,
 ) -> Any:
@@ -195,6 +205,8 @@ def interpolate_clip(
         Order of the colours in `frames` and in the result; alpha is last in both.
     layout : {'nhwc', 'nchw'}
         Axes of `frames` and of the result; each image of a list or an iterator lacks the first one.
+    duplicates : {'interpolate', 'keep'}
+        Whether frames that repeat the one before are replaced by interpolated ones, or kept.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
     progress : callable, optional
@@ -256,6 +268,7 @@ def interpolate_clip(
         target,
         find_method(method),
         loop=loop,
+        options=TimelineOptions(duplicates=detector_of(duplicates)),
         threads=threads,
         progress=progress,
     )
@@ -318,6 +331,7 @@ def _clip_frames(
     interpolator: Interpolator,
     *,
     loop: bool,
+    options: TimelineOptions,
     threads: int | None,
     progress: Callable[[int, int | None], object] | None,
 ) -> Iterator[tuple[Image, Fraction]]:
@@ -334,6 +348,7 @@ def _clip_frames(
         interpolator,
         Timing(fps=target).schedule(source.info),
         Summary(),
+        options=options,
         threads=threads,
         outputs=OutputRange(stop=total, entry=Entry(-len(before), start, math.ceil(-start * target))),
     ) as frames:

@@ -150,7 +150,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     sink,
                     exposed(ready.base_schedule, job.timing),
                     observer,
-                    stretch=job.timing.stretch,
+                    options=ready.timeline,
                     threads=threads,
                     outputs=replace(outputs, skip=there),
                 )

@@ -24,7 +24,7 @@ from fpsboost.io.opening import Target
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import TimeMap, Window, counted
 from fpsboost.remarks import Remarks
-from fpsboost.streaming import positions_of
+from fpsboost.timeline import positions_of
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.options import readable
 from fpsboost.timing.position import Gaps
@@ -89,14 +89,14 @@ def played_backwards(clip: OpenedClip, curve: TimeMap) -> OpenedClip:
     return replace(clip.edited(edit, clip.source.info), curve=unfolded)
 
 
-def without_repeats(clip: OpenedClip, detector: DuplicateDetector) -> OpenedClip:
+def without_repeats(clip: OpenedClip) -> OpenedClip:
     """Read a clip, and return it without the frames that repeat a picture.
 
     Raises `OptionError` if it can be read only once.
     """
     if not clip.whole.stream_info.files:
         raise OptionError("`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.")
-    found = Repeats(detector)
+    found = Repeats(DuplicateDetector())
     for _ in found.groups(map(SourceFrame, clip.source)):
         pass
     info = replace(clip.source.info, mean_rate=None)

@@ -1,5 +1,6 @@
 """Names of the package, beyond the public ones, that what is built upon it may use; see `fpsboost.extension`."""
 
+from .analysis.duplicates import detector_of as detector_of
 from .colour import as_shown as as_shown
 from .colour import compared_colours as compared_colours
 from .colour import composite_on_black as composite_on_black
@@ -53,7 +54,7 @@ from .options import check_type as check_type
 from .options import checked as checked
 from .options import option as option
 from .options import options_from as options_from
-from .pair import triplewise as triplewise
+from .pair import items_with_neighbours as items_with_neighbours
 from .parts.manifest import first_difference as first_difference
 from .parts.manifest import from_json as from_json
 from .parts.manifest import job_facts as job_facts

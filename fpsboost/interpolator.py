@@ -11,7 +11,6 @@ from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy
@@ -19,9 +18,10 @@ from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, TakesPlanes, check_pair, check_values, view
-from fpsboost.motion import MotionEstimator
-from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
+from fpsboost.image import Image, view
+from fpsboost.image_checks import check_pair, check_values
+from fpsboost.motion import MotionEstimator, TakesPlanes
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
 from fpsboost.pair import Pair, as_bgr
@@ -31,7 +31,6 @@ from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.generation import generate
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
-from fpsboost.timing.position import Replacement
 
 CUT_SYNTHESIZERS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
     {"repeat": Nearest(), "blend": Blend(), "extrapolate": Extrapolate()}
@@ -98,12 +97,6 @@ class Interpolator(Checked):
         If the illumination changes between two frames, estimate motion under equal illumination.
     overlays : bool
         Leave overlays unchanged that are static in front of a moving picture; needs the pair before or after.
-    duplicates : DuplicateDetector or None
-        Finds the frames of a sequence that show the same as the one before, as in animation on threes, pulldown and
-        captures that missed some; they are replaced by frames made for their times. None keeps them. Stills, and frames
-        held until a cut, are always kept. Not used with motion from a renderer's vectors.
-    replacement : Replacement or None
-        Frames of a sequence that are replaced because they are damaged; duplicates are then kept.
     match_grain : bool
         Add noise to interpolated frames in place of what averaging has removed, so that they are as grainy as the two
         frames. For methods that follow motion: texture that is not followed may be taken for grain.
@@ -133,8 +126,6 @@ class Interpolator(Checked):
     curved: bool = True
     compensate_illumination: bool = True
     overlays: bool = True
-    duplicates: DuplicateDetector | None = DuplicateDetector()
-    replacement: Replacement | None = None
     match_grain: bool = False
     uncertain: Uncertain = "keep"
     below: Annotated[float, Range(0, 1)] = LEAST_CONFIDENCE
@@ -254,14 +245,10 @@ class Interpolator(Checked):
         In a gap, where the user has named missing frames, no scene cut is detected; one that is listed counts. Each
         frame is to be the same object in both of its pairs, so that what depends on it alone is computed once.
         """
+        cuts = None if is_gap and isinstance(self.cuts, CutDetector) else self.cuts
+        lit = self.compensate_illumination
         return Pair(
-            image0,
-            image1,
-            duration,
-            apart=apart,
-            estimator=self.estimator,
-            cuts=None if is_gap and isinstance(self.cuts, CutDetector) else self.cuts,
-            compensate_illumination=self.compensate_illumination,
+            image0, image1, duration, apart=apart, estimator=self.estimator, cuts=cuts, compensate_illumination=lit
         )
 
     @checked
@@ -309,11 +296,8 @@ class Interpolator(Checked):
         inner = [float(t) for t in times if 0 < t < 1]
         made = self._synthesize(pair, inner, with_confidence=with_confidence) if inner else iter(())
         for t in times:
-            if 0 < t < 1:
-                image, confidence = next(made)
-            else:
-                image = (pair.image1 if t == 1 else pair.image0).image.copy()
-                confidence = None
+            frame = pair.image1 if t == 1 else pair.image0
+            image, confidence = next(made) if 0 < t < 1 else InterpolatedImage(frame.image.copy())
             if with_confidence and confidence is None:  # no motion connects the frames, or it is one of them
                 confidence = np.full(image.shape[:2], t in {0, 1}, np.float32)
             yield InterpolatedImage(image, confidence if with_confidence else None)
@@ -322,7 +306,7 @@ class Interpolator(Checked):
         scene = pair.within_scene
         if pair.is_discontinuous:
             onward = self.at_cuts == "extrapolate"
-            fields = _extrapolate(scene) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
+            fields = scene.extrapolated if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
             return generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair.layered, times)
         if self.uncertain == "keep":
@@ -333,7 +317,7 @@ class Interpolator(Checked):
         """Interpolate along the motion of a pair, whose neighbours belong to its scene."""
         if self.mask is not None and self.mask.parts:
             return self._in_layers(self.mask, pair, times, with_confidence=with_confidence)
-        frame_pair = self.frame_pair(pair)
+        frame_pair = pair.curved_frame_pair if self.curved else pair.frame_pair
         images = generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
         # layers are mixed as the frames are, so that sums of layers stay sums
         return images if pair.layered is not None else self._finish(images, times, pair)
@@ -363,14 +347,6 @@ class Interpolator(Checked):
         uncertainty = pair.uncertainty_map(measure)
         images = made or self._follow(pair, times, with_confidence=True)
         return _replace_uncertain(iter(images), times, pair, uncertainty, mix=self.uncertain == "blend")
-
-    def frame_pair(self, pair: Pair) -> FramePair:
-        """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
-        # the next pair's motion first: the thread that makes its frames waits for it
-        after = _neighbour(pair.after, pair) if self.curved and pair.after is not None else None
-        fields = pair.fields
-        before = _neighbour(pair.before, pair) if self.curved and pair.before is not None else None
-        return FramePair(*pair.compensated, *fields, before, after)
 
     def _finish(
         self, images: Iterator[InterpolatedImage], times: list[float], pair: Pair
@@ -426,26 +402,3 @@ def _replace_uncertain(
             for frame in (pair.image0, pair.image1)
         )
         yield InterpolatedImage(blend_fallback(pixels, image0, image1, t, weights, mix=mix), confidence)
-
-
-def _extrapolate(pair: Pair) -> tuple[MotionField, MotionField]:
-    """Extrapolate the motion of each frame of a pair from its own scene; zero motion where that is not known."""
-
-    def extend(away: MotionField, neighbour: Pair) -> MotionField:
-        # a pair that is much shorter says little of how long its motion goes on
-        ratio = min(float(pair.duration / neighbour.duration), COMPARABLE)
-        return replace(away, vectors=away.vectors * np.float32(-ratio))
-
-    onward, back = ZeroMotion().estimate(pair.image0, pair.image1)
-    return (
-        onward if pair.before is None else extend(pair.before.fields[1], pair.before),
-        back if pair.after is None else extend(pair.after.fields[0], pair.after),
-    )
-
-
-def _neighbour(neighbour: Pair, pair: Pair) -> FramePair:
-    """Return what a synthesizer takes of the pair before or after: its frames are as they are, not in equal light."""
-    other_light = neighbour.illumination is not None or pair.illumination is not None
-    ratio = float(neighbour.duration / pair.duration)
-    images = (neighbour.image0, neighbour.image1)
-    return FramePair(*images, *neighbour.fields, duration=ratio, other_light=other_light)

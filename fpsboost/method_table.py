@@ -13,7 +13,8 @@ import numpy as np
 from fpsboost.analysis.scene_cuts import CutPolicy
 from fpsboost.errors import OptionError, choose_one
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, check_pair, view
+from fpsboost.image import Image, view
+from fpsboost.image_checks import check_pair
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.exhaustive import ExhaustiveSearch

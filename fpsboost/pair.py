@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from copy import copy
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain
@@ -17,19 +18,31 @@ from fpsboost.analysis.scene_cuts import MOST_DECAY, CutDetector, CutPolicy
 from fpsboost.colour import normalised
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache, Results
-from fpsboost.image import check_pair, view
+from fpsboost.image import view
+from fpsboost.image_checks import check_pair
 from fpsboost.layered import LayeredImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.components import gray, half_chroma
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
+from fpsboost.synthesis import FramePair
 
 MAX_LENGTH = 1e6
 """No vector is as long, pixels."""
 
 Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 Layered = tuple[LayeredImage, LayeredImage]
 """Two frames with their further layers."""
+
+
+def once(compute: Callable[[Pair], Result]) -> Callable[[Pair], Result]:
+    """Let a pair compute a result once, when it is first asked for; it is kept under the name of the function."""
+
+    def result(pair: Pair) -> Result:
+        return pair._results.cached(compute.__name__, partial(compute, pair))
+
+    return result
 
 
 class Pair:
@@ -117,15 +130,14 @@ class Pair:
         return self._measured_illumination if self._compensate_illumination else None
 
     @property
+    @once
     def _measured_illumination(self) -> IlluminationModel | None:
-        return self._results.cached("illumination", lambda: estimate_illumination(self.image0, self.image1))
+        return estimate_illumination(self.image0, self.image1)
 
     @property
+    @once
     def compensated(self) -> tuple[FrameCache, FrameCache]:
         """The two frames, both under the illumination of the first."""
-        return self._results.cached("compensated", self._compensate)
-
-    def _compensate(self) -> tuple[FrameCache, FrameCache]:
         if self.illumination is None:
             return self.image0, self.image1
         first = normalised(view(self.image0.pixels).to_bgr())
@@ -204,11 +216,9 @@ class Pair:
         return pairs if self.after is None else [*pairs, self._pair(self.image0, self.after.image1, 1)]
 
     @property
+    @once
     def fields(self) -> tuple[MotionField, MotionField]:
         """Motion fields in both directions."""
-        return self._results.cached("fields", self._estimate)
-
-    def _estimate(self) -> tuple[MotionField, MotionField]:
         fields = self._estimator.estimate(*self.compensated)
         check_fields(self._estimator, fields, self.image0.pixels.shape[:2])
         if self.illumination is not None:  # no other pair uses these: saves memory
@@ -217,11 +227,44 @@ class Pair:
         return fields
 
     @property
+    def frame_pair(self) -> FramePair:
+        """What a synthesizer takes of two frames that motion connects."""
+        return FramePair(*self.compensated, *self.fields)
+
+    @property
+    def curved_frame_pair(self) -> FramePair:
+        """The same with that of the pairs before and after."""
+        # the next pair's motion first: the thread that makes its frames waits for it
+        after = self._beside(self.after)
+        return replace(self.frame_pair, before=self._beside(self.before), after=after)
+
+    def _beside(self, neighbour: Pair | None) -> FramePair | None:
+        """Return what a synthesizer takes of the pair before or after, whose frames are in their own light."""
+        if neighbour is None:
+            return None
+        other_light = neighbour.illumination is not None or self.illumination is not None
+        ratio = float(neighbour.duration / self.duration)
+        images = (neighbour.image0, neighbour.image1)
+        return FramePair(*images, *neighbour.fields, duration=ratio, other_light=other_light)
+
+    @property
+    def extrapolated(self) -> tuple[MotionField, MotionField]:
+        """Motion of each frame as it goes on from the pair before and after; zero motion where that is not known."""
+        onward, back = ZeroMotion().estimate(self.image0, self.image1)
+        return (
+            onward if self.before is None else self._extend(self.before.fields[1], self.before),
+            back if self.after is None else self._extend(self.after.fields[0], self.after),
+        )
+
+    def _extend(self, away: MotionField, neighbour: Pair) -> MotionField:
+        # a pair that is much shorter says little of how long its motion goes on
+        ratio = min(float(self.duration / neighbour.duration), COMPARABLE)
+        return replace(away, vectors=away.vectors * np.float32(-ratio))
+
+    @property
+    @once
     def grain(self) -> PairGrain:
         """Noise of the two frames, as they are."""
-        return self._results.cached("grain", self._measure_grain)
-
-    def _measure_grain(self) -> PairGrain:
         image0, image1 = (
             image if self.illumination is None else as_bgr(image)  # results under other light are arrays
             for image in (self.image0, self.image1)
@@ -272,6 +315,12 @@ class Pair:
 def with_neighbours(pairs: Iterable[Pair]) -> Iterator[Pair]:
     """Yield each pair `Pair.between` the previous and the next one; lags one pair behind."""
     return (pair.between(before, after) for before, pair, after in triplewise(pairs))
+
+
+def items_with_neighbours(items: Iterable[tuple[Item, Pair]]) -> Iterator[tuple[Item, Pair]]:
+    """Yield each item with its pair, between those of the items before and after."""
+    for before, (item, pair), after in triplewise(items):
+        yield item, pair.between(before and before[1], after and after[1])
 
 
 def triplewise(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:

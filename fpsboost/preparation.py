@@ -39,6 +39,7 @@ from fpsboost.remarks import Remarks
 from fpsboost.render.fitting import fit_vectors
 from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
+from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.edit import Edit
 from fpsboost.timing.options import FrameIntervals, Timing, readable
 from fpsboost.timing.position import Trim, format_time
@@ -111,7 +112,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
             check_together(job.names_given() | {"`retime` that plays backwards"})
             clip = played_backwards(clip, curve)
         if timing.duplicates == "drop":
-            clip = without_repeats(clip, job.method.duplicates or DuplicateDetector())
+            clip = without_repeats(clip)
         if timing.gaps is not None:
             clip = with_gaps(clip, timing.gaps)
         yield clip
@@ -163,6 +164,7 @@ class Preparation:
     clip: OpenedClip
     target: Target
     interpolator: Interpolator
+    timeline: TimelineOptions
     base_schedule: Schedule
     output: Output
     remarks: Remarks
@@ -201,10 +203,9 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
     )
     # an image that repeats another is none that is missing
-    if timing.fill_gaps or keeps_numbers or timing.keeps_frames or timing.duplicates != "interpolate":
-        interpolator = replace(interpolator, duplicates=None)
-    if timing.replace is not None:
-        interpolator = replace(interpolator, duplicates=None, replacement=timing.replace)
+    keeps_all = timing.fill_gaps or keeps_numbers or timing.keeps_frames or interpolator.needs_every_frame
+    interpolates = timing.duplicates == "interpolate" and timing.replace is None and not keeps_all
+    timeline = TimelineOptions(timing.stretch, DuplicateDetector() if interpolates else None, timing.replace)
     if interpolator.mask is not None:
         # videos come upright where the output is no video
         matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
@@ -225,7 +226,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         factor=None if clip.curve is not None or timing.duplicates == "drop" or timing.gaps is not None else multiple,
         in_place=run.in_place,
     )
-    return Preparation(job, run, clip, target, interpolator, schedule, output, remarks)
+    return Preparation(job, run, clip, target, interpolator, timeline, schedule, output, remarks)
 
 
 def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> Remarks:

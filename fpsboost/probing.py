@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from fpsboost.analysis.cadence import Repeats
-from fpsboost.analysis.duplicates import SourceFrame
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import Frame
@@ -25,7 +25,7 @@ from fpsboost.pair import Pair, with_neighbours
 from fpsboost.preparation import Preparation
 from fpsboost.remarks import Remarks
 from fpsboost.repair import find_damaged
-from fpsboost.streaming import positions_of
+from fpsboost.timeline import positions_of
 from fpsboost.timing.options import Timing
 from fpsboost.timing.schedule import count_frames
 
@@ -103,6 +103,8 @@ class Findings:
 
     seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
     """Function that is given every frame, and its time after the first one, seconds."""
+    detector: DuplicateDetector | None = DuplicateDetector()
+    """Finds the duplicates that are interpolated across; None if all frames are kept."""
     times: list[Fraction] = field(default_factory=list)
     origin: SourcePosition = field(default=SourcePosition(0, Fraction(0)))
     """Position of the first frame in its clip; with its time, it tells that of any other."""
@@ -158,9 +160,8 @@ class Findings:
     def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:
         """Yield the pairs between which a conversion would make frames."""
         last: SourceFrame | None = None
-        detector = interpolator.duplicates
         shown = self.shown(frames)
-        self.repeats = None if detector is None else Repeats(detector)
+        self.repeats = None if self.detector is None else Repeats(self.detector)
         for group in zip(shown) if self.repeats is None else self.repeats.groups(shown):
             self.pictures.append([each.time for each in group])
             if last is not None:

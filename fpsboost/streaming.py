@@ -7,7 +7,7 @@ the sink unchanged, with the decoder's own frame; but duplicate frames are repla
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,7 +21,6 @@ from fpsboost.contracts import (
     Cancellable,
     FrameSink,
     FrameSource,
-    HasPositions,
     LowestMatch,
     Observer,
     OutputRange,
@@ -29,17 +28,15 @@ from fpsboost.contracts import (
     Summary,
 )
 from fpsboost.frame import Frame, PairMotion
-from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import view
 from fpsboost.interpolator import Interpolator
 from fpsboost.options import Range, checked
-from fpsboost.pair import Pair
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
-from fpsboost.timeline import Interval, ScheduledFrame, Timeline
+from fpsboost.timeline import Interval, ScheduledFrame, Timeline, TimelineOptions
 from fpsboost.timing.position import format_time
-from fpsboost.timing.schedule import ExposureSchedule, RetimeSchedule, Schedule
+from fpsboost.timing.schedule import Schedule
 
 LONG = 2
 """Least number of frame intervals between two frames across which a cut is named in a remark."""
@@ -56,9 +53,9 @@ def run_conversion(
     schedule: Schedule,
     observer: Observer | None = None,
     *,
-    stretch: Fraction = Fraction(1),
+    options: TimelineOptions = TimelineOptions(),
     threads: Annotated[int, Range(1)] | None = None,
-    outputs: OutputRange | None = None,
+    outputs: OutputRange = OutputRange(),
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -74,12 +71,12 @@ def run_conversion(
         interpolated around its time, in one scene; images must be arrays.
     observer : Observer, optional
         Informed of the progress.
-    stretch : Fraction
-        Duration of the output as a multiple of the source's; not included in the schedule.
+    options : TimelineOptions
+        How the frames of the source are shown: slowed down, or with duplicates or damaged ones replaced.
     threads : int, optional
         Pairs of frames processed in parallel; as many as there are cores by default. Frames are the same with any
         number.
-    outputs : OutputRange, optional
+    outputs : OutputRange
         Output frames that the sink gets; all by default.
 
     Raises
@@ -90,7 +87,6 @@ def run_conversion(
         The source has fewer than two frames, or more than 8 in a row are to be replaced. Errors of source and sink are
         passed on.
     """
-    outputs = outputs or OutputRange()
     summary = Summary(completed_frames=outputs.skip)
     observer = observer or SilentObserver()
     with (
@@ -100,7 +96,7 @@ def run_conversion(
             schedule,
             summary,
             sink=sink,
-            stretch=stretch,
+            options=options,
             threads=threads,
             outputs=outputs,
         ) as frames,
@@ -126,36 +122,23 @@ def interpolate_frames(
     summary: Summary,
     *,
     sink: FrameSink | None = None,
-    stretch: Fraction = Fraction(1),
+    options: TimelineOptions = TimelineOptions(),
     threads: int | None = None,
-    outputs: OutputRange | None = None,
+    outputs: OutputRange = OutputRange(),
 ) -> Generator[Iterator[Frame]]:
     """Yield the output frames in order, made while the block lasts; see `run_conversion`.
 
     The first frame is read when the block begins. The summary is updated with the numbers of frames read and made.
     Without a sink, the last frame is held, and frames have neither confidence nor motion.
     """
-    outputs = outputs or OutputRange()
     with (
         read_ahead(source, 1, _cancel_of(source)) as arriving,
         run_in_parallel(threads or available_cores(), _cancel_of(source)) as in_order,
     ):
         first = list(islice(arriving, 1))
-        timeline = Timeline(source.info, schedule, interpolator, summary, positions_of(source), outputs, stretch)
-        loop = _Loop(
-            timeline,
-            interpolator,
-            summary,
-            holds_last_frame=sink is None or sink.holds_last_frame,
-            needs_confidence=getattr(sink, "needs_confidence", False),
-            needs_motion=getattr(sink, "needs_motion", False),
-        )
+        timeline = Timeline(source, schedule, interpolator, summary, outputs, options)
+        loop = _Loop(timeline, interpolator, summary, sink)
         yield loop.frames(in_order(loop.tasks(chain(first, arriving))))
-
-
-def positions_of(source: FrameSource) -> Callable[[int, Fraction], SourcePosition]:
-    """Return the function that tells the position of a source's frame in its clip; see `HasPositions`."""
-    return source.position_of if isinstance(source, HasPositions) else SourcePosition
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -193,14 +176,13 @@ class _Loop:
     timeline: Timeline
     interpolator: Interpolator
     summary: Summary
-    holds_last_frame: bool
-    needs_confidence: bool
-    needs_motion: bool
+    sink: FrameSink | None
 
     def __post_init__(self) -> None:
-        schedule = self.timeline.schedule
-        is_blurred = isinstance(schedule, RetimeSchedule) and schedule.shutter is not None
-        self.has_exposures = is_blurred or isinstance(schedule, ExposureSchedule)
+        sink = self.sink
+        self.holds_last_frame = sink is None or sink.holds_last_frame
+        self.needs_confidence = getattr(sink, "needs_confidence", False)
+        self.needs_motion = getattr(sink, "needs_motion", False)
 
     def tasks(self, frames: Iterator[Frame]) -> Iterator[Callable[[], Batch]]:
         """Yield the tasks in order, several for an interval of many frames, so that these take no extra memory."""
@@ -229,7 +211,8 @@ class _Loop:
         if not output.is_missing:
             return MadeFrame(output, InterpolatedImage(output.source.image), motion=motion)
         image = next(images)
-        return MadeFrame(output, image if self.has_exposures else self.masked(image, output), motion=motion)
+        is_exposed = output.step.frame_number is not None  # and averaged before it is masked
+        return MadeFrame(output, image if is_exposed else self.masked(image, output), motion=motion)
 
     def repeated(self, output: ScheduledFrame, confidence: float) -> MadeFrame:
         """Return an output frame that repeats the source's, with this confidence unless it is shown at its own time."""
@@ -264,24 +247,23 @@ class _Loop:
         """
         timeline = self.timeline
         outputs = timeline.outputs
-        made = self.averaged(self.all_made(batches)) if self.has_exposures else self.all_made(batches)
-        for each, following in pairwise(chain(made, [None])):
+        for each, following in pairwise(chain(self.averaged(self.all_made(batches)), [None])):
             assert each is not None, "only the last one is"
-            number = each.output.number
-            source = each.output.source.frame
-            captions = timeline.take_captions(timeline.end if following is None else each.output.step.time)
-            if number in outputs:
+            output = each.output
+            picture = output.source.frame.original
+            captions = timeline.take_captions(timeline.end if following is None else output.step.time)
+            if output.number in outputs:
                 yield Frame(
                     each.content.image,
-                    timeline.start + timeline.seconds(each.output),
-                    timeline.duration(each.output, None if following is None else following.output),
-                    source.original if each.is_original else None,
-                    None if each.is_original else source.original,
-                    each.content.confidence,
-                    captions,
-                    each.motion,
+                    timeline.start + timeline.seconds(output),
+                    timeline.duration(output, following and following.output),
+                    original=picture if each.is_original else None,
+                    preceding=None if each.is_original else picture,
+                    confidence=each.content.confidence,
+                    captions=captions,
+                    motion=each.motion,
                 )
-            if outputs.is_past(number + 1):
+            if outputs.is_past(output.number + 1):
                 return
 
     def all_made(self, batches: Iterator[Batch]) -> Iterator[MadeFrame]:
@@ -293,25 +275,28 @@ class _Loop:
                 scenes += interval.scene_cut
                 self.count_interval(interval)
                 self.summary.note_match(batch.match)
-            self.count_frames(interval.pair, [each.output for each in batch.frames])
+            self.count_frames(batch)
             if batch.begin + FRAMES_PER_TASK >= len(interval.outputs):
-                if interval.pair.search_radius is not None:
-                    self.summary.search_radii.add(interval.pair.search_radius)
                 interval.pair.release_caches()
             for each in batch.frames:
-                # the cuts so far include the one of this interval
-                yield each._replace(scene=scenes - (interval.scene_cut and not each.output.is_past_middle))
+                # the cuts so far include the one in the middle of this interval
+                yield each._replace(scene=scenes - (interval.scene_cut and each.output.step.t <= Fraction(1, 2)))
         for output in self.timeline.last_outputs(holds_last_frame=self.holds_last_frame):
             self.summary.frames_made += output.is_new and output.number in self.timeline.outputs
             yield self.repeated(output, 0)._replace(scene=scenes)
 
-    def count_frames(self, pair: Pair, outputs: Sequence[ScheduledFrame]) -> None:
-        """Count output frames of a pair, when they are made."""
-        self.summary.frames_made += sum(each.is_new for each in outputs if each.number in self.timeline.outputs)
+    def count_frames(self, batch: Batch) -> None:
+        """Count the frames that a task has made, and what the motion between the pictures tells when it is known."""
+        summary = self.summary
+        pair = batch.interval.pair
+        outputs = [each.output for each in batch.frames]
+        summary.frames_made += sum(each.is_new for each in outputs if each.number in self.timeline.outputs)
         if pair.unsure_share > 0:
             made = sum(each.is_interpolated and each.is_missing for each in outputs)
-            self.summary.unsure_frames += made
-            self.summary.unsure_pixels += made * pair.unsure_share
+            summary.unsure_frames += made
+            summary.unsure_pixels += made * pair.unsure_share
+        if pair.search_radius is not None:
+            summary.search_radii.add(pair.search_radius)
 
     def count_interval(self, interval: Interval) -> None:
         """Count the frames of an interval's group that are interpolated, and its cut, unless another run does."""
@@ -333,7 +318,10 @@ class _Loop:
 
         What a mask keeps is that of one frame.
         """
-        for _, exposure in groupby(samples, lambda each: each.output.step.frame_number):
+        for frame_number, exposure in groupby(samples, lambda each: each.output.step.frame_number):
+            if frame_number is None:
+                yield from exposure
+                continue
             exposures: dict[int, Exposure] = {}
             frame: MadeFrame | None = None
             for each in exposure:

@@ -12,15 +12,21 @@ from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
-from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
-from fpsboost.contracts import Entry, OutputRange, SourceMoment, Summary
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
+from fpsboost.contracts import Entry, FrameSource, HasPositions, OutputRange, SourceMoment, Summary
 from fpsboost.errors import InputError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.pair import Pair, triplewise
 from fpsboost.repair import group_replaced
+from fpsboost.timing.position import Replacement
 from fpsboost.timing.schedule import RetimeSchedule, Schedule, Step, rising_time
+
+
+def positions_of(source: FrameSource) -> Callable[[int, Fraction], SourcePosition]:
+    """Return the function that tells the position of a source's frame in its clip; see `HasPositions`."""
+    return source.position_of if isinstance(source, HasPositions) else SourcePosition
 
 
 class ScheduledFrame(NamedTuple):
@@ -47,11 +53,6 @@ class ScheduledFrame(NamedTuple):
     def is_interpolated(self) -> bool:
         """Whether it lies between two pictures, and is none of them."""
         return self.step.t > 0
-
-    @property
-    def is_past_middle(self) -> bool:
-        """Whether it is nearer to the second picture, which begins another scene across a cut."""
-        return self.step.t > Fraction(1, 2)
 
     def at(self, t: Fraction) -> ScheduledFrame:
         """Return it with another position between the pictures."""
@@ -112,17 +113,37 @@ class Interval:
         return bool(self.interpolated) and is_needed and self.pair.is_cut
 
 
+@dataclass(frozen=True)
+class TimelineOptions:
+    """How the frames of a source are shown, apart from the schedule of the output.
+
+    Parameters
+    ----------
+    stretch : Fraction
+        Duration of the output as a multiple of the source's; not included in the schedule.
+    duplicates : DuplicateDetector or None
+        Finds frames that show the same as the one before, as in animation on threes, pulldown and captures that missed
+        some; they are replaced by frames made for their times. None keeps them. Stills, and frames held until a cut,
+        are always kept, as are all frames where motion comes from a renderer's vectors.
+    replacement : Replacement or None
+        Frames that are replaced because they are damaged; duplicates are then kept.
+    """
+
+    stretch: Fraction = Fraction(1)
+    duplicates: DuplicateDetector | None = DuplicateDetector()
+    replacement: Replacement | None = None
+
+
 @dataclass
 class Timeline:
     """Frames of a source at the times at which they are presented, and the intervals that they form."""
 
-    info: ClipInfo
+    source: FrameSource
     schedule: Schedule
     interpolator: Interpolator
     summary: Summary
-    position_of: Callable[[int, Fraction], SourcePosition]
     outputs: OutputRange
-    stretch: Fraction
+    options: TimelineOptions
     exposed: int | None = None
     """`Step.frame_number` of the last output frame so far."""
     last: tuple[SourceFrame, ...] | None = None
@@ -133,6 +154,8 @@ class Timeline:
     """Closed captions of the frames read, with their times, that no output frame has yet."""
 
     def __post_init__(self) -> None:
+        self.info = self.source.info
+        self.position_of = positions_of(self.source)
         self.curve = self.schedule.curve if isinstance(self.schedule, RetimeSchedule) else None
         entry = self.outputs.entry or Entry(number=0, start=Fraction(0), outputs_before=0)
         # the number of output frames so far, and those of the source frames to be read, and to become part of an
@@ -176,11 +199,13 @@ class Timeline:
 
     def _groups(self, frames: Iterator[SourceFrame]) -> Iterable[tuple[SourceFrame, ...]]:
         """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
-        detector = None if self.interpolator.needs_every_frame else self.interpolator.duplicates
-        replacement = self.interpolator.replacement
+        detector = self.options.duplicates
+        replacement = self.options.replacement
         if replacement is not None:
             return group_replaced(frames, replacement, self.summary.remarks, begins_clip=self.outputs.entry is None)
-        return zip(frames) if detector is None else group_duplicates(frames, detector, self.step)
+        if detector is None or self.interpolator.needs_every_frame:
+            return zip(frames)
+        return group_duplicates(frames, detector, self.step)
 
     def _apart(self, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Interval]:
         """Yield the intervals by themselves, without those beside them."""
@@ -191,7 +216,7 @@ class Timeline:
 
     def _interval(self, group: tuple[SourceFrame, ...], following: SourceFrame) -> Interval:
         """Return the interval from one picture to the next; must be called in order."""
-        is_repair = self.interpolator.replacement is not None
+        is_repair = self.options.replacement is not None
         shown = *(group[:1] if is_repair else group), following  # not what is damaged
         first_output = self.outputs_before
         scheduled = list[ScheduledFrame]()
@@ -200,13 +225,10 @@ class Timeline:
                 nearest = min(shown, key=lambda each, time=step.time: abs(each.time - time))  # type: ignore[misc]
                 scheduled.append(self._scheduled(step, source, nearest))
             self.index += 1
-        pair = self.interpolator.pair(
-            group[0],
-            following,
-            following.time - group[0].time,
-            apart=following.time - shown[-2].time,
-            is_gap=following.frame.ends_gap,
-        )
+        duration = following.time - group[0].time
+        apart = following.time - shown[-2].time
+        is_gap = following.frame.ends_gap
+        pair = self.interpolator.pair(group[0], following, duration, apart=apart, is_gap=is_gap)
         is_counted = first_output in self.outputs
         return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted)
 
@@ -253,16 +275,14 @@ class Timeline:
         """Return when an output frame is shown, seconds after the first one."""
         if self.curve is not None:  # its time is that of the source
             return output.number / self.schedule.rate(self.info.rate)
-        return (output.step.time - self.start) * self.stretch
+        return (output.step.time - self.start) * self.options.stretch
 
     def duration(self, output: ScheduledFrame, following: ScheduledFrame | None) -> Fraction:
         """Return how long an output frame is shown: until the next one, or the last one until the clip ends."""
         if self.curve is not None:
             return 1 / self.schedule.rate(self.info.rate)
-        end = self.end if following is None else following.step.time
-        if following is not None and self.outputs.end is not None:
-            end = min(end, self.outputs.end)
-        return (end - output.step.time) * self.stretch
+        end = self.end if following is None else min(following.step.time, self.outputs.end or following.step.time)
+        return (end - output.step.time) * self.options.stretch
 
     def take_captions(self, time: Fraction) -> bytes:
         """Return the closed captions of the source up to a time that were not taken before."""

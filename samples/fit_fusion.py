@@ -94,7 +94,7 @@ class Patches:
 
 def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Patches:
     """Draw patches of the frame in the middle of a pair, more of them where the plain weights err."""
-    (moment,) = synthesizer._moments(pair, [0.5])
+    (inputs,) = synthesizer._blend_inputs(pair, [0.5])
     (image,) = synthesizer.synthesize(pair, [0.5])
     height, width = (size // 2 * 2 for size in truth.shape[:2])
     rows, columns = height // 2, width // 2
@@ -120,7 +120,7 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
         (1 / (odds[drawn] * error.size)).astype(np.float32),
     )
     wanted: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
-    nodes, share = moment.candidates.listed.shape, window_shape(16)
+    nodes, share = inputs.candidates.listed.shape, window_shape(16)
     for i in range(y.size):
         for slot in range(4):
             row, column = (2 * y[i] + 8) // 16 - 1 + slot // 2, (2 * x[i] + 8) // 16 - 1 + slot % 2
@@ -129,13 +129,13 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
                 out.shape[i, slot] = share[square]
                 wanted.setdefault((row, column), []).append((i, slot, square))
     half = np.float32(0.5)
-    room, found = moment.candidates.weights.shape[2], np.empty(1, np.int64)
+    room, found = inputs.candidates.weights.shape[2], np.empty(1, np.int64)
     features, gains = (np.zeros((room, *size, BLOCKS_2X2), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
-        node = moment.full, row, column, half, moment.candidates, moment.weighting, moment.surroundings
+        node = inputs.full, row, column, half, inputs.candidates, inputs.weighting, inputs.context
         extract_features(*node, features, gains, mixed, change, found)
-        priors = moment.candidates.weights[row, column, : moment.candidates.listed[row, column]]
+        priors = inputs.candidates.weights[row, column, : inputs.candidates.listed[row, column]]
         priors = priors[priors > 0][: found[0]]
         for i, slot, square in squares:
             order = np.argsort(-priors * np.exp(18 * features[: found[0], 0, square]), kind="stable")[:KEPT]
@@ -157,7 +157,7 @@ def draw_clip(folder: Path, method: Interpolator, count: int, seed: int) -> list
     drawn = []
     for n, pair in enumerate(pairs):
         before, after = pairs[n - 1] if n else None, pairs[n + 1] if n + 1 < len(pairs) else None
-        framed = method.frame_pair(pair.between(before, after))
+        framed = pair.between(before, after).curved_frame_pair
         drawn.append(draw_patches(framed, method.synthesizer, frames[2 * n + 1], count, seed + n))
     return drawn
 

@@ -16,7 +16,7 @@ from PIL import Image
 from fpsboost import InputError, OptionError, Part, convert, find_method, interpolate_clip, stream
 from fpsboost.evaluation.steadiness import StepMeter
 from support.animation_truth import plays_of, read_animation, write_animation
-from support.conversion_options import double, keeping_duplicates
+from support.conversion_options import double
 from support.truth import noise
 from support.video_truth import scene, turntable, write_clip
 
@@ -74,9 +74,8 @@ def test_an_iterator_is_read_as_frames_are_made():
             read.append(number)
             yield scene(number)
 
-    method = keeping_duplicates("blend")
     made = interpolate_clip(
-        endless(), 25, method=method, loop=True, threads=1, progress=lambda *done: told.append(done)
+        endless(), 25, method="blend", duplicates="keep", loop=True, threads=1, progress=lambda *done: told.append(done)
     )
     assert read == []
     assert len(list(islice(made, 40))) == 40

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
-from fpsboost.image import check_pair, view
+from fpsboost.image import view
+from fpsboost.image_checks import check_pair
 
 
 @pytest.mark.parametrize("shape", [(4, 6), (4, 6, 5), (4, 6, 3, 1), (0, 6, 3), (4, 0, 3), (), (4, 6, 0)])

@@ -28,8 +28,10 @@ from fpsboost import (
     methods,
     run_conversion,
 )
+from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
 from support.memory_frames import BLEND, LOSSLESS, SIZE, FakeSink, FakeSource, regular
 from support.truth import CutsWhere, accelerating, noise, prepared
@@ -39,10 +41,17 @@ pytestmark = pytest.mark.usefixtures("no_thread_left")
 
 
 def run(
-    frames: list[Frame], schedule: Schedule, *, holds: bool = True, interpolator: Interpolator = BLEND
+    frames: list[Frame],
+    schedule: Schedule,
+    *,
+    holds: bool = True,
+    interpolator: Interpolator = BLEND,
+    duplicates: DuplicateDetector | None = DuplicateDetector(),
 ) -> tuple[list[Frame], Summary]:
     sink = FakeSink(holds)
-    summary = run_conversion(FakeSource(frames), interpolator, sink, schedule)
+    summary = run_conversion(
+        FakeSource(frames), interpolator, sink, schedule, options=TimelineOptions(duplicates=duplicates)
+    )
     assert summary.frames_in == len(frames)
     assert summary.frames_out == len(sink.frames)
     return sink.frames, summary
@@ -178,19 +187,20 @@ def test_a_named_gap_is_no_cut_and_a_cut_in_a_long_interval_is_named():
     times = [Fraction(number, 25) for number in (0, 1, 2, 7, 8)]
     shown = [Frame(image, time) for image, time in zip((one, one, one, other, other), times, strict=True)]
     named = [*shown[:3], replace(shown[3], ends_gap=True), shown[4]]
-    detecting = replace(BLEND, cuts=CutDetector(), duplicates=None)
-    made, summary = run(shown, ByRate(Fraction(25)), holds=False, interpolator=detecting)
+    detecting = replace(BLEND, cuts=CutDetector())
+    options: dict[str, Any] = {"holds": False, "duplicates": None}
+    made, summary = run(shown, ByRate(Fraction(25)), interpolator=detecting, **options)
     assert summary.scene_cuts == 1
     assert summary.remarks[0] == (
         "A scene seems to end between 0:00.080 and 0:00.280, so that no motion is followed there; if it goes on, use "
         "`no_cuts`."
     )
-    filled, summary = run(named, ByRate(Fraction(25)), holds=False, interpolator=detecting)
+    filled, summary = run(named, ByRate(Fraction(25)), interpolator=detecting, **options)
     assert (summary.scene_cuts, len(summary.remarks)) == (0, 2)
     np.testing.assert_array_equal(made[3].image, one)
     np.testing.assert_allclose(filled[3].image, 0.8 * one + 0.2 * other, atol=0.51)
     listed = replace(detecting, cuts=CutsWhere(lambda image0, image1: (image0.image != image1.image).any()))
-    assert run(named, ByRate(Fraction(25)), holds=False, interpolator=listed)[1].scene_cuts == 1
+    assert run(named, ByRate(Fraction(25)), interpolator=listed, **options)[1].scene_cuts == 1
 
 
 def test_the_loop_follows_curved_paths():
@@ -279,11 +289,9 @@ class Watching:
 
 @pytest.mark.parametrize("slow_side", ["source", "sink"])
 @pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
-@pytest.mark.parametrize(
-    ("method", "limit"), [(replace(LIT_BLEND, duplicates=None), 12), (LIT_BLEND, 20)], ids=["keep", "interpolate"]
-)
+@pytest.mark.parametrize(("duplicates", "limit"), [(None, 12), (DuplicateDetector(), 20)], ids=["keep", "interpolate"])
 @pytest.mark.parametrize("threads", [1, 3])
-def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, threads):
+def test_memory_does_not_grow(monkeypatch, slow_side, holds, duplicates, limit, threads):
     """Of 60 frames a dozen are alive at any time, one more for each thread, and in a slow fade a held picture's.
 
     Now and then one side waits for the other: the source until the sink has nothing left to write, or the sink until
@@ -338,7 +346,9 @@ def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, thre
     monkeypatch.setattr("fpsboost.threads.Queue", WatchedQueue)
     monkeypatch.setattr("fpsboost.threads.Semaphore", WatchedRoom)
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
-    assert run_conversion(source, method, sink, ByFactor(Fraction(2)), threads=threads).frames_in == 60
+    options = TimelineOptions(duplicates=duplicates)
+    summary = run_conversion(source, LIT_BLEND, sink, ByFactor(Fraction(2)), options=options, threads=threads)
+    assert summary.frames_in == 60
     assert most <= limit + threads
     assert not alive
 

@@ -30,6 +30,7 @@ from fpsboost.parts.entry import find_entry
 from fpsboost.parts.plan import REPLACED_BEFORE
 from fpsboost.probing import probe
 from fpsboost.repair import find_damaged
+from fpsboost.timeline import TimelineOptions
 from support.conversion_options import grouped
 from support.memory_frames import BLEND, FAST, FakeSink, FakeSource
 from support.truth import frozen
@@ -80,11 +81,12 @@ def frames_at(ticks: list[int]) -> list[Frame]:
     ]
 
 
-def repaired(frames, text, *, interpolator=BLEND, outputs=None, start=0):
+def repaired(frames, text, *, interpolator=BLEND, outputs=OutputRange(), start=0):
     """Return the frames that come out, and the summary."""
     sink, source = FakeSink(), FakeSource(frames[start:])
-    interpolator = replace(interpolator, duplicates=None, replacement=Replacement.parse(text))
-    return sink.frames, run_conversion(source, interpolator, sink, SAME, threads=1, outputs=outputs)
+    options = TimelineOptions(replacement=Replacement.parse(text))
+    summary = run_conversion(source, interpolator, sink, SAME, options=options, threads=1, outputs=outputs)
+    return sink.frames, summary
 
 
 def test_listed_frames_are_interpolated_at_their_own_times():

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from fpsboost import InputError, OptionError, convert, stream
-from support.conversion_options import keeping_duplicates
 from support.video_truth import write_clip
 
 
@@ -24,13 +23,13 @@ def gray_frames(*levels: int) -> list[np.ndarray]:
 
 def test_arrays_come_out_with_what_lies_between_them():
     """Twice as many, the last one repeated, as a video of them would hold."""
-    made = stream(gray_frames(0, 40, 80), method=keeping_duplicates("blend"))
+    made = stream(gray_frames(0, 40, 80), method="blend", duplicates="keep")
     assert [int(image.mean()) for image in made] == [0, 20, 40, 60, 80, 80]
 
 
 def test_gray_arrays_need_no_axis_for_channels():
     """As OpenCV reads them."""
-    made = list(stream([image[..., 0] for image in gray_frames(0, 40)], method=keeping_duplicates("blend")))
+    made = list(stream([image[..., 0] for image in gray_frames(0, 40)], method="blend", duplicates="keep"))
     assert [image.shape for image in made] == [(32, 48, 1)] * 4
 
 
@@ -72,7 +71,7 @@ def test_no_more_is_read_than_it_says(threads):
             read.append(number)
             yield np.full((32, 48, 3), number % 7 * 30, np.uint8)
 
-    frames = stream(endless(), method=keeping_duplicates("blend"), threads=threads)
+    frames = stream(endless(), method="blend", duplicates="keep", threads=threads)
     for _ in range(20):
         next(frames)
     assert len(read) <= 10 + 8 + 2 * threads

@@ -9,7 +9,8 @@ import pytest
 
 from fpsboost import Coding, Encoding, Frame, FrameCache, InputError, convert, methods, with_neighbours
 from fpsboost.analysis.duplicates import DuplicateDetector
-from fpsboost.image import YCbCrImage, check_pair, view
+from fpsboost.image import YCbCrImage, view
+from fpsboost.image_checks import check_pair
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, in_planes, picture_of
 from fpsboost.motion.components import contrast_components, contrast_planes, gray, small_copy

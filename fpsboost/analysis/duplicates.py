@@ -20,7 +20,7 @@ from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import view
 from fpsboost.motion.components import CHROMA_WEIGHT, Components, chroma, gray
-from fpsboost.options import Checked, Range
+from fpsboost.options import AnyDuplicates, Checked, Range
 
 ROUNDING = 0.01  # maximum error of differences by the rounding of sums, 8-bit levels
 BAND_BLOCKS = 8  # height of the bands that are compared one after the other, blocks
@@ -114,6 +114,11 @@ class DuplicateDetector(Checked):
         `noise` and `before` as in `is_held`; `before` is infinite if the clip begins with this picture.
         """
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
+
+
+def detector_of(duplicates: AnyDuplicates) -> DuplicateDetector | None:
+    """Return the detector of duplicates that are interpolated across; None if they are kept or left out."""
+    return DuplicateDetector() if duplicates == "interpolate" else None
 
 
 def _bands(rows: int, height: int) -> list[tuple[int, int]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -69,8 +68,6 @@ def preview(
         MethodOptions(text, options.match_grain, masking=options.masking) for text in split_methods(options.methods)
     ]
     methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
-    if timing.duplicates == "keep":
-        methods = {name: replace(method, duplicates=None) for name, method in methods.items()}
     output = output_beside(input, timing)
     job = ConversionJob(input, output, timing, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)

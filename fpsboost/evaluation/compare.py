@@ -30,7 +30,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
 from fpsboost.kernels.binding import processor_level
 from fpsboost.method_table import methods
-from fpsboost.pair import Pair, triplewise
+from fpsboost.pair import Pair, items_with_neighbours
 from fpsboost.render.folder import VectorFolder
 
 
@@ -154,10 +154,7 @@ def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair
     Raises `InputError` if no other hidden frames are left. `facts` are complete once all pairs were taken.
     """
     across_cuts = {
-        number
-        for before, (numbers, pair), after in triplewise(pairs)
-        if pair.between(before and before[1], after and after[1]).is_discontinuous
-        for number in numbers
+        number for numbers, pair in items_with_neighbours(pairs) if pair.is_discontinuous for number in numbers
     }
     cuts = [number for number in facts.hidden if number in across_cuts]
     doubtful = [number for number in facts.unknown if number not in across_cuts]

@@ -24,7 +24,7 @@ from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
 from fpsboost.media import graph_of, pulled
 from fpsboost.method_table import methods, vector_methods
-from fpsboost.pair import Pair, triplewise
+from fpsboost.pair import Pair, items_with_neighbours
 
 MINTERPOLATE = "minterpolate"
 """Name of FFmpeg's filter among the methods."""
@@ -80,10 +80,10 @@ class ComparedInterpolator:
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
         """Yield the hidden frames; see `ComparedMethod.interpolate`."""
-        for before, (interval, pair), after in triplewise(self._pairs(intervals)):
+        for interval, pair in items_with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
-                yield from self._timed(pair.between(before and before[1], after and after[1]), chosen)
+                yield from self._timed(pair, chosen)
             pair.release_caches()
 
     def _timed(self, pair: Pair, chosen: Sequence[HeldOutFrame]) -> Iterator[InterpolatedFrame]:

@@ -24,7 +24,7 @@ from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.options import Checked, Duplicates, Range, words_of_options
-from fpsboost.streaming import positions_of
+from fpsboost.timeline import positions_of
 from fpsboost.timing.schedule import ByRate, rising_time
 
 WHOLE = "0:"
@@ -79,8 +79,7 @@ def _prepared(image: FrameImage, position: SourcePosition) -> FrameCache:
 class _Truth(NamedTuple):
     """A frame, and which frames repeat it or which one it repeats."""
 
-    frame: Frame
-    source_position: SourcePosition
+    source: SourceFrame
     repeats: tuple[int, ...]  # numbers of the frames after it that show the same and are grouped with it
     is_repeat: bool  # whether it repeats the one before, in a still
 
@@ -222,40 +221,39 @@ class HoldOut(Checked):
         else:
             pictures = find_pictures(frames, DuplicateDetector())
         for picture in pictures:
-            placed = [(each.frame, each.position) for each in picture.frames]
             if picture.is_still:
-                first_repeat = len(placed) - picture.repeats
-                for index, (frame, position) in enumerate(placed):
-                    yield _Truth(frame, position, (), is_repeat=index >= first_repeat)
+                first_repeat = len(picture.frames) - picture.repeats
+                for index, each in enumerate(picture.frames):
+                    yield _Truth(each, (), is_repeat=index >= first_repeat)
             else:
-                frame, position = placed[0]
-                yield _Truth(frame, position, tuple(repeat.number for _, repeat in placed[1:]), is_repeat=False)
+                first, *repeats = picture.frames
+                yield _Truth(first, tuple(each.position.number for each in repeats), is_repeat=False)
 
 
 def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
     """Return the interval of a row of frames: the first and the last are shown, those between are hidden."""
     before, *between, after = row
-    begin = before.frame.time
-    end = after.frame.time
+    begin = before.source.time
+    end = after.source.time
     hidden = []
     for k, truth in enumerate(between, start=1):
         even = Fraction(k, len(between) + 1)
-        t = (truth.frame.time - begin) / (end - begin)
+        t = (truth.source.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
-        position = truth.source_position
-        hidden.append(HeldOutFrame(position.number, even if is_even else t, truth.frame.array, position))
+        position = truth.source.position
+        hidden.append(HeldOutFrame(position.number, even if is_even else t, truth.source.frame.array, position))
     repeats = [number for truth in row[:-1] for number in truth.repeats]
-    repeats += [truth.source_position.number for truth in row[1:] if truth.is_repeat]
+    repeats += [truth.source.position.number for truth in row[1:] if truth.is_repeat]
     is_known = (
         len({len(truth.repeats) for truth in row[:-1]}) == 1
         and not any(truth.is_repeat for truth in row[1:])
-        and not any(later.frame.time - earlier.frame.time > clock.longest for earlier, later in pairwise(row))
+        and not any(later.source.time - earlier.source.time > clock.longest for earlier, later in pairwise(row))
     )
     return Interval(
-        before.source_position,
-        after.source_position,
-        before.frame,
-        after.frame,
+        before.source.position,
+        after.source.position,
+        before.source.frame,
+        after.source.frame,
         tuple(hidden),
         tuple(sorted(repeats)),
         is_known,

@@ -7,7 +7,7 @@ lock. What is found out about a pair of frames is kept for the frames that follo
 that ask for it while another one computes it wait for that one.
 
 A frame depends on its pair and the pairs before and after alone, which is what the host is asked for. So frames are
-those of a conversion of the same frames with ``duplicates=None``, bit by bit, in whichever order they are asked for.
+those of a conversion of the same frames with ``duplicates='keep'``, bit by bit, in whichever order they are asked for.
 Duplicates are kept: which frames a conversion groups may depend on all frames before them, and in a script, frame n of
 the source is expected to come out unchanged. Remove duplicates before, as with ``vivtc.VDecimate``.
 """
@@ -90,8 +90,7 @@ def interpolate(
     fps_num, fps_den : int, optional
         Output frames per second, as a fraction, instead of the factor; `fps_den` is 1 by default.
     method : str or Interpolator
-        A name as `fpsboost.find_method` takes it, with options: ``nlm:fusion=plain``; or an object, whose `duplicates`
-        is not used.
+        A name as `fpsboost.find_method` takes it, with options: ``nlm:fusion=plain``; or an object.
     sc : bool
         Whether scenes end: where ``_SceneChangeNext`` of a frame or ``_SceneChangePrev`` of the next one is set, and,
         between frames that have neither, where the method's own policy finds a cut. False follows motion between any
@@ -108,7 +107,7 @@ def interpolate(
         if sc not in (True, False):
             raise OptionError(f"`sc` must be True or False, not {sc!r}.")
         factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
-        interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
+        interpolator = replace(interpolator, cuts=interpolator.cuts if sc else None)
         outputs = _OutputFrames(clip, interpolator, factor, finds_cuts=sc)
     count = math.ceil(clip.num_frames * factor)
     rate = clip.fps * factor

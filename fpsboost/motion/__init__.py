@@ -53,3 +53,12 @@ class MotionEstimator(Protocol):
         InputError
             The frames differ in size or type.
         """
+
+
+@runtime_checkable
+class TakesPlanes(Protocol):
+    """Contract: estimator or synthesizer that may take `YCbCrImage`; without it, one takes arrays alone."""
+
+    @property
+    def takes_planes(self) -> bool:
+        """Whether it does, with the options that it has."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, check_pair
+from fpsboost.image import Image
+from fpsboost.image_checks import check_pair
 from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.motion.field import MotionField
 from fpsboost.options import Checked, Pattern, Range

@@ -29,7 +29,7 @@ import numpy as np
 
 from fpsboost.colour import colour_components
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import check_pair
+from fpsboost.image_checks import check_pair
 from fpsboost.kernels.constants import LANES, MAX_PATCH_RADIUS
 from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest

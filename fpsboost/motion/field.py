@@ -15,7 +15,7 @@ import numpy as np
 
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import check_pair
+from fpsboost.image_checks import check_pair
 from fpsboost.kernels.points import (
     FieldLayout,
     RoundTrip,

@@ -24,7 +24,8 @@ import numpy as np
 
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Pixels, check_pair, view
+from fpsboost.image import Pixels, view
+from fpsboost.image_checks import check_pair
 from fpsboost.kernels.constants import MAX_TILE_PATCH_RADIUS
 from fpsboost.kernels.level_search import PADDING, CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation

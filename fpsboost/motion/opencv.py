@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import check_pair
+from fpsboost.image_checks import check_pair
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
 from fpsboost.options import Checked, Range

@@ -14,7 +14,8 @@ import numpy as np
 
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Pixels, check_pair
+from fpsboost.image import Pixels
+from fpsboost.image_checks import check_pair
 from fpsboost.motion.field import MotionField, ZeroMotion
 
 

@@ -111,10 +111,9 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
         return outputs
     if (times := source.frame_times()) is None:
         return outputs
-    detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
     schedule = exposed(ready.base_schedule, job.timing)
-    before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE
-    entry = find_entry(times, schedule, detector, outputs.first, ready.clip.read_from, before)
+    before = 1 if job.timing.replace is None else REPLACED_BEFORE
+    entry = find_entry(times, schedule, ready.timeline.duplicates, outputs.first, ready.clip.read_from, before)
     source.begin_at(entry.number)
     return replace(outputs, entry=entry)
 

@@ -8,7 +8,7 @@ fractions of the frame with y up, and fractions of a pixel are cut off. In a fra
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -234,7 +234,7 @@ def plan_rerender(
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
         match = partial(VectorFolder.matched, numbers=numbers, must_match=images.step > 1)
-        interpolator = replace(interpolator.with_vectors(match), duplicates=None)
+        interpolator = interpolator.with_vectors(match)
         grid = TileGrid(info.height, info.width, options.tile)
         threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
         with run_in_parallel(threads) as in_order:

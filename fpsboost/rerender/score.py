@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition
-from fpsboost.extension import Image, compared_colours, composite_on_black, triplewise, view
+from fpsboost.extension import Image, compared_colours, composite_on_black, items_with_neighbours, view
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7
@@ -42,10 +42,6 @@ class Trial(NamedTuple):
     """1 - confidence of each frame; half the squared difference of the two images across a scene cut."""
     error: Tiles | None
     """Squared error of the only frame, where its truth was hidden and no scene ends."""
-
-
-_Trio = tuple[Pair, Image | None]
-"""Pair of images, and the hidden one in their middle if there is one."""
 
 
 def isotonic_regression(values: Tiles, weights: Tiles) -> Tiles:
@@ -119,7 +115,7 @@ def expect_errors(
     def trials(distance: int, first: int) -> list[Trial]:
         trios = _trios(frames, interpolator, factor, distance, first)
         times = [Fraction(1, 2)] if distance > 1 else [Fraction(step, factor) for step in range(1, factor)]
-        return list(in_order(partial(_try, interpolator, each, times, grid) for each in triplewise(trios)))
+        return list(in_order(partial(_try, interpolator, *each, times, grid) for each in items_with_neighbours(trios)))
 
     between = trials(1, 0)
     hidden: list[Trial | None] = [None] * (len(between) + 1)
@@ -163,8 +159,8 @@ def squared_error(image0: Image, image1: Image) -> np.ndarray:
 
 def _trios(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, distance: int, first: int
-) -> Iterator[_Trio]:
-    """Yield pairs of images that are `distance` apart, from the image `first` on, with the one in their middle."""
+) -> Iterator[tuple[Image | None, Pair]]:
+    """Yield pairs of images that are `distance` apart, from the image `first` on, each behind the one in its middle."""
     before: FrameCache | None = None
     truth: Image | None = None
     for index, frame in enumerate(islice(frames, first, None), first):
@@ -172,21 +168,16 @@ def _trios(
         if place == 0:
             image = FrameCache(comparable(frame.array), Fraction(index * factor), SourcePosition(index, frame.time))
             if before is not None:
-                yield interpolator.pair(before, image), truth
+                yield truth, interpolator.pair(before, image)
             before = image
         elif place == distance // 2:
             truth = comparable(frame.array)
 
 
 def _try(
-    interpolator: Interpolator,
-    neighbourhood: tuple[_Trio | None, _Trio, _Trio | None],
-    times: Sequence[Fraction],
-    grid: TileGrid,
+    interpolator: Interpolator, truth: Image | None, pair: Pair, times: Sequence[Fraction], grid: TileGrid
 ) -> Trial:
     """Interpolate between two images, and measure the uncertainty and, where the truth is known, the error."""
-    before, (plain, truth), after = neighbourhood
-    pair = plain.between(before and before[0], after and after[0])
     if pair.is_discontinuous:  # the nearer frame is repeated, and the other one is right as often
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)

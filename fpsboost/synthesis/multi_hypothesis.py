@@ -25,7 +25,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import Candidates, Votes, collect_candidates, list_candidates, no_votes
-from fpsboost.kernels.constants import CONFIDENCE_POWER, MARGIN, SPARE, VALUES_PER_MOTION
+from fpsboost.kernels.constants import CONFIDENCE_POWER, VALUES_PER_MOTION
 from fpsboost.kernels.multi_hypothesis import (
     Blended,
     ValueRange,
@@ -35,23 +35,17 @@ from fpsboost.kernels.multi_hypothesis import (
     window_shape,
 )
 from fpsboost.kernels.pair_context import PairContext
-from fpsboost.kernels.planes import aligned_empty
-from fpsboost.kernels.spline import filter_weights, find_coefficients
-from fpsboost.kernels.window_samples import PlaneGroup, Samples
+from fpsboost.kernels.window_samples import PlaneGroup
 from fpsboost.layered import LayeredImage
-from fpsboost.motion.field import (
-    ONE_SIDED_WEIGHT,
-    TWO_SIDED_WEIGHT,
-    accelerations_at_points,
-    motion_gradients,
-)
 from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.fusion_table import fusion_coefficients
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
+from fpsboost.synthesis.pair_context import context_at, find_context
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
-from fpsboost.synthesis.surroundings import at_time, find_surroundings
+from fpsboost.synthesis.spline_samples import spline_samples, values_as_samples
+from fpsboost.synthesis.votes import collect_votes
 
 Fusion = Literal["learnt", "plain"]
 """Weighting of candidates: by learnt coefficients of many features, or by votes and similarity alone."""
@@ -68,11 +62,8 @@ ACCELERATION_TOLERANCE = 20.0
 MIN_SHARE = 0.01
 """Added to a candidate's share of the votes, so that one with hardly any votes is not excluded."""
 
-CONSISTENCY_TOLERANCE = 16
-"""Forward-backward error at which the vote of a motion is halved, pixels."""
 
-
-class _Moment(NamedTuple):
+class BlendInput(NamedTuple):
     """Time between the frames of a pair, and what an in-between frame is made of there."""
 
     pair: FramePair
@@ -84,7 +75,7 @@ class _Moment(NamedTuple):
     """Parameters by which candidates are weighed in images of this type."""
     candidates: Candidates
     """Candidate motions of every node."""
-    surroundings: PairContext | None
+    context: PairContext | None
     """Context that the learnt weights read; None for plain weights."""
 
 
@@ -199,36 +190,36 @@ class MultiHypothesis(Checked):
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
-        for moment in self._moments(frame_pair, times):
-            yield view(self._fused(moment, with_confidence=False).image).picture
+        for inputs in self._blend_inputs(frame_pair, times):
+            yield view(self._fused(inputs, with_confidence=False).image).picture
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the confidence of every pixel."""
-        for moment in self._moments(frame_pair, times):
-            yield self._fused(moment, with_confidence=True)
+        for inputs in self._blend_inputs(frame_pair, times):
+            yield self._fused(inputs, with_confidence=True)
 
-    def _fused(self, moment: _Moment, *, with_confidence: bool) -> InterpolatedImage:
+    def _fused(self, inputs: BlendInput, *, with_confidence: bool) -> InterpolatedImage:
         """Mix the candidates, and with that the image along the renderer's motion, by the agreement of the frames."""
         if self.vectors is None:
-            image, confidence = self._mixed(moment, with_confidence=with_confidence)
-            self._limit_highlights(image, moment, None)
+            image, confidence = self._mixed(inputs, with_confidence=with_confidence)
+            self._limit_highlights(image, inputs, None)
             return InterpolatedImage(image, confidence)
-        image, confidence = self._mixed(moment, with_confidence=True)
-        surfaces = self._find_surfaces(confidence, moment, self.vectors)
-        image0 = moment.pair.image0
-        image1 = moment.pair.image1
+        image, confidence = self._mixed(inputs, with_confidence=True)
+        surfaces = self._find_surfaces(confidence, inputs, self.vectors)
+        image0 = inputs.pair.image0
+        image1 = inputs.pair.image1
         colours = premultiplied(view(image).array())
         along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(image0, image1))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
-        self._limit_highlights(colours, moment, surfaces)
-        return InterpolatedImage(as_image(colours, image0.array, image1.array, moment.t), surfaces.confidence)
+        self._limit_highlights(colours, inputs, surfaces)
+        return InterpolatedImage(as_image(colours, image0.array, image1.array, inputs.t), surfaces.confidence)
 
-    def _find_surfaces(self, confidence: np.ndarray, moment: _Moment, vectors: RenderedVectors) -> _Surfaces:
+    def _find_surfaces(self, confidence: np.ndarray, inputs: BlendInput, vectors: RenderedVectors) -> _Surfaces:
         """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
-        image0 = moment.pair.image0
-        image1 = moment.pair.image1
-        motion = find_surface_motion(image0, image1, moment.t, vectors)
-        mixed, squared = motion.mix(moment.full.frame0.coefficients, moment.full.frame1.coefficients)
+        image0 = inputs.pair.image0
+        image1 = inputs.pair.image1
+        motion = find_surface_motion(image0, image1, inputs.t, vectors)
+        mixed, squared = motion.mix(inputs.full.frame0.coefficients, inputs.full.frame1.coefficients)
         agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight)
         similarity = confidence ** np.float32(1 / CONFIDENCE_POWER)
         weight = np.where(agreement > 0, np.exp(np.float32(self.sharpness) * (agreement - similarity)), np.float32(0))
@@ -240,30 +231,30 @@ class MultiHypothesis(Checked):
         self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
     ) -> Iterator[LayeredImage]:
         """Generate images with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
-        for moment in self._moments(frame_pair, times):
+        for inputs in self._blend_inputs(frame_pair, times):
             surfaces = None
             if self.vectors is not None:
-                _, confidence = self._mixed(moment, with_confidence=True)
-                surfaces = self._find_surfaces(confidence, moment, self.vectors)
-            mix = partial(self._mix_planes, moment, surfaces)
-            yield mix_layers(layered, mix, partial(self._find_sources, moment, surfaces))
+                _, confidence = self._mixed(inputs, with_confidence=True)
+                surfaces = self._find_surfaces(confidence, inputs, self.vectors)
+            mix = partial(self._mix_planes, inputs, surfaces)
+            yield mix_layers(layered, mix, partial(self._find_sources, inputs, surfaces))
 
-    def _mix_planes(self, moment: _Moment, surfaces: _Surfaces | None, planes0: Planes, planes1: Planes) -> Mixed:
+    def _mix_planes(self, inputs: BlendInput, surfaces: _Surfaces | None, planes0: Planes, planes1: Planes) -> Mixed:
         """Mix planes of both frames with the weights that the pictures have."""
-        samples = [_samples(np.dstack(planes))[0] for planes in (planes0, planes1)]
+        samples = [spline_samples(np.dstack(planes))[0] for planes in (planes0, planes1)]
         height, width = planes0[0].shape
         numbers = np.finfo(np.float32)
         mixed = []
-        for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
-            _, pixels, _ = view(moment.pair.image0.pixels).blank()
+        for sampled0, sampled1 in (samples, [values_as_samples(each) for each in samples]):
+            _, pixels, _ = view(inputs.pair.image0.pixels).blank()
             output = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
-                moment.full,
+                inputs.full,
                 PlaneGroup(sampled0, sampled1, 1, 1),
-                moment.t,
-                moment.candidates,
-                moment.weighting,
-                moment.surroundings,
+                inputs.t,
+                inputs.candidates,
+                inputs.weighting,
+                inputs.context,
                 ValueRange(1.0, 0.0, numbers.min, numbers.max, False),
                 Blended(pixels, output, np.empty((0, 0), np.float32)),
             )
@@ -273,26 +264,26 @@ class MultiHypothesis(Checked):
             mixed.append(output)
         return Mixed(*mixed)
 
-    def _find_sources(self, moment: _Moment, surfaces: _Surfaces | None) -> Sources:
+    def _find_sources(self, inputs: BlendInput, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that each pixel is taken from, along the motion with the largest weight."""
-        pair = moment.pair
-        t = moment.t
+        pair = inputs.pair
+        t = inputs.t
         size = pair.image0.pixels.shape[:2]
         own_place = np.indices(size, np.float32)[::-1]
         places = np.concatenate([own_place, own_place])
         weights = np.zeros(size, np.float32)
-        find_dominant_motion(moment.full, t, moment.candidates, moment.weighting, weights, places)
+        find_dominant_motion(inputs.full, t, inputs.candidates, inputs.weighting, weights, places)
         if surfaces is not None:
             follows = surfaces.share > 0.5
             for first, (motion, _) in ((0, surfaces.motion.to_frame0), (2, surfaces.motion.to_frame1)):
                 np.copyto(places[first : first + 2], own_place + np.moveaxis(motion, -1, 0), where=follows)
         return find_sources(places, (pair.field01.flow, pair.field10.flow), t)
 
-    def _moments(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Moment]:
+    def _blend_inputs(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[BlendInput]:
         """Yield each time with what the kernels read there."""
         image0 = frame_pair.image0
         image1 = frame_pair.image1
-        full = PlaneGroup(image0.cached(_samples)[0], image1.cached(_samples)[0], 1, 1)
+        full = PlaneGroup(image0.cached(spline_samples)[0], image1.cached(spline_samples)[0], 1, 1)
         weighting = Weighting(
             0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight,
             self.sharpness,
@@ -301,47 +292,47 @@ class MultiHypothesis(Checked):
             window_shape(self.node_spacing),
             *fusion_coefficients(),
         )
-        votes_of_both = self._collect_votes(frame_pair)
-        known = None
+        votes_of_both = collect_votes(frame_pair, self.step)
+        context = None
         if self.fusion == "learnt":
-            known = find_surroundings(frame_pair, self.step, self.bandwidth, self.sharpness)
+            context = find_context(frame_pair, self.step, self.bandwidth, self.sharpness)
         for t in times:
             candidates = self._candidates(votes_of_both, image0.pixels.shape[:2], t)
-            surroundings = None if known is None else at_time(known, t, candidates)
-            yield _Moment(frame_pair, t, full, weighting, candidates, surroundings)
+            at_time = None if context is None else context_at(context, t, candidates)
+            yield BlendInput(frame_pair, t, full, weighting, candidates, at_time)
 
-    def _mixed(self, moment: _Moment, *, with_confidence: bool) -> tuple[Pixels, np.ndarray]:
+    def _mixed(self, inputs: BlendInput, *, with_confidence: bool) -> tuple[Pixels, np.ndarray]:
         """Return the mixture of the candidates and its confidence, which is empty if it is not asked for."""
-        frame0 = moment.pair.image0
-        frame1 = moment.pair.image1
+        frame0 = inputs.pair.image0
+        frame1 = inputs.pair.image1
         image0 = frame0.pixels
         image1 = frame1.pixels
         output, pixels, chroma = view(image0).blank()
         confidence = np.empty(image0.shape[:2] if with_confidence else (0, 0), np.float32)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         blend_hypotheses(
-            moment.full,
-            PlaneGroup(frame0.cached(_samples)[1], frame1.cached(_samples)[1], *view(image0).subsampling),
-            moment.t,
-            moment.candidates,
-            moment.weighting,
-            moment.surroundings,
+            inputs.full,
+            PlaneGroup(frame0.cached(spline_samples)[1], frame1.cached(spline_samples)[1], *view(image0).subsampling),
+            inputs.t,
+            inputs.candidates,
+            inputs.weighting,
+            inputs.context,
             ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame0, frame1), straight_alpha),
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
-            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), moment.t)
+            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), inputs.t)
         return output, confidence
 
-    def _limit_highlights(self, output: Pixels, moment: _Moment, surfaces: _Surfaces | None) -> None:
+    def _limit_highlights(self, output: Pixels, inputs: BlendInput, surfaces: _Surfaces | None) -> None:
         """Clamp float frames around values above white to the range of their sources, in place.
 
         A spline rings there, more visibly than elsewhere.
         """
-        images = moment.pair.image0, moment.pair.image1
+        images = inputs.pair.image0, inputs.pair.image1
         if output.dtype != np.float32 or _value_range(*images)[1] <= 1:
             return
-        sources = self._find_sources(moment, surfaces)
+        sources = self._find_sources(inputs, surfaces)
         planes = (np.moveaxis(normalised(image.array), 2, 0) for image in images)
         for values, *both in zip(np.moveaxis(view(output).array(), 2, 0), *planes, strict=True):
             values.clip(*sources.clamp_range(*both), out=values)
@@ -366,60 +357,6 @@ class MultiHypothesis(Checked):
             collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, self.min_weight, *candidates[:3]
         )
         return candidates
-
-    def _collect_votes(self, frame_pair: FramePair) -> list[Votes]:
-        """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration.
-
-        The weight of a vote is proportional to the similarity of the patches, if it is known, and decreases with the
-        forward-backward error, to the half at `CONSISTENCY_TOLERANCE`: pixels occluded in the other frame are matched
-        by chance only, at another position.
-        """
-        field01 = frame_pair.field01
-        field10 = frame_pair.field10
-        before = frame_pair.before
-        after = frame_pair.after
-        share = np.float32(TWO_SIDED_WEIGHT if before and after else ONE_SIDED_WEIGHT)
-        directions = (
-            (field01, field10, (before.field10, before.field01) if before else None, before.duration if before else 1),
-            (field10, field01, (after.field01, after.field10) if after else None, after.duration if after else 1),
-        )
-        votes = []
-        for field, back, away, ratio in directions:
-            changes = accelerations_at_points((field, back), away, ratio, self.step)
-            changes[..., 1:] *= share
-            vectors, similarities = field.at_points(self.step)
-            error = field.errors_at_points(self.step, back)
-            trust = similarities * (1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
-            votes.append(Votes(vectors, motion_gradients(vectors, self.step), changes, trust))
-        return votes
-
-
-def _samples(image: Pixels) -> tuple[Samples, Samples]:
-    """Return the planes of an image with their spline coefficients.
-
-    These are the planes at full resolution, and subsampled chroma at half resolution.
-    """
-    full, half, unit, bits = view(image).spline_planes()
-    return _with_coefficients(full, unit, bits), _with_coefficients(half, unit, bits)
-
-
-def _with_coefficients(planes: np.ndarray, unit: np.float32, bits: int) -> Samples:
-    """Return planes with their cubic B-spline coefficients, computed to a few times finer than the image's `bits`."""
-    planes = np.ascontiguousarray(planes)
-    channels, height, width = planes.shape
-    if not channels:
-        return Samples(planes, np.empty(planes.shape, np.float32), 1.0)
-    coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 3)), coefficients)
-    return Samples(planes, coefficients, unit)
-
-
-def _values_as_coefficients(samples: Samples) -> Samples:
-    """Return samples with their values as coefficients: the spline then smooths, and never overshoots."""
-    _, _, columns = samples.coefficients.shape
-    beyond = columns - MARGIN - samples.planes.shape[2]
-    values = np.pad(samples.planes, ((0, 0), (MARGIN, MARGIN), (MARGIN, beyond)), "edge")
-    return samples._replace(coefficients=values)
 
 
 def _extremes(image: Image) -> tuple[np.float32, np.float32]:

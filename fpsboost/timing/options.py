@@ -13,7 +13,6 @@ from fpsboost.remarks import Remarks
 from fpsboost.timing.position import Gaps, Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
-    DEFAULT_SAMPLES,
     MAX_FACTOR,
     MAX_FILLED,
     MAX_RATE,
@@ -22,12 +21,12 @@ from fpsboost.timing.schedule import (
     ExposureSchedule,
     RetimeSchedule,
     Schedule,
-    Shutter,
     longest_interval,
     parse_number,
     parse_rate,
     representable,
 )
+from fpsboost.timing.shutter import DEFAULT_SAMPLES, Shutter
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
@@ -85,10 +84,9 @@ class Timing(Checked):
         Number of frames that are averaged, odd. No steps are visible with one for each pixel of the
         fastest motion during the exposure.
     duplicates : {'interpolate', 'keep', 'drop'}
-        Frames that repeat the one before: treated as the method says, which replaces them by interpolated ones unless
-        its own `duplicates` is None; kept as they are; or left out before anything else. Then the clip has the rate of
-        its pictures, which is constant where the repeats have a regular cadence, and otherwise variable. `factor`
-        multiplies it, by 1 unless it is given. The clip is read twice.
+        Frames that repeat the one before: replaced by interpolated ones; kept as they are; or left out before anything
+        else. Then the clip has the rate of its pictures, which is constant where the repeats have a regular cadence,
+        and otherwise variable. `factor` multiplies it, by 1 unless it is given. The clip is read twice.
 
     Raises
     ------

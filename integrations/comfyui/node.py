@@ -12,11 +12,13 @@ from fpsboost import (
     Interpolator,
     MemoryLimit,
     OutputRange,
+    TimelineOptions,
     Timing,
     find_method,
     methods,
     run_conversion,
 )
+from fpsboost.analysis.duplicates import detector_of
 from fpsboost.edits import LOOP_CONTEXT
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.options import AtCuts, Duplicates
@@ -119,22 +121,21 @@ class FrameInterpolation:
         outputs = OutputRange(stop=total, entry=entry, end=start + count / ANY_RATE)
         summary = run_conversion(
             source,
-            _interpolator(method, scene_cuts, duplicates),
+            _interpolator(method, scene_cuts),
             sink,
             Timing(factor=multiplier).schedule(source.info, has_clock=False),
             HostObserver(total),
             threads=sink.memory_left.affordable_threads(width, height, available_cores()),
             outputs=outputs,
+            options=TimelineOptions(duplicates=detector_of(duplicates)),
         )
         say_summary(summary)
         return sink.images, sink.confidence
 
 
-def _interpolator(method: str, scene_cuts: SceneCuts, duplicates: Duplicates) -> Interpolator:
+def _interpolator(method: str, scene_cuts: SceneCuts) -> Interpolator:
     """Return a method with the node's options."""
     interpolator = find_method(method)
-    if duplicates == "keep":
-        interpolator = replace(interpolator, duplicates=None)
     if scene_cuts == "one scene":
         return replace(interpolator, cuts=None)
     return replace(interpolator, at_cuts=scene_cuts)

@@ -20,7 +20,7 @@ from fpsboost.io.opening import open_source
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
-from support.conversion_options import keeping_duplicates
+from fpsboost.timeline import TimelineOptions
 from support.held_frames import CADENCES, HEIGHT, RATE, SPEED, WIDTH, encode, held, pan
 from support.memory_frames import FakeSink, FakeSource
 from support.truth import affine, as_type, equal_luma, frozen, noise, prepared
@@ -29,9 +29,15 @@ from support.video_truth import planar
 DOUBLE = ByFactor(Fraction(2))
 
 
-def run(frames: list[Frame], schedule: Schedule = DOUBLE, method: Any = methods["nlm"]) -> tuple[list[Frame], Summary]:
+def run(
+    frames: list[Frame],
+    schedule: Schedule = DOUBLE,
+    method: Any = methods["nlm"],
+    duplicates: DuplicateDetector | None = DuplicateDetector(),
+) -> tuple[list[Frame], Summary]:
     sink = FakeSink()
-    return sink.frames, run_conversion(FakeSource(frames, RATE), method, sink, schedule)
+    options = TimelineOptions(duplicates=duplicates)
+    return sink.frames, run_conversion(FakeSource(frames, RATE), method, sink, schedule, options=options)
 
 
 def lengths(frames: Sequence[Frame]) -> list[int]:
@@ -62,7 +68,7 @@ def test_number_and_times_stay(schedule):
     """As many frames at the same times as without looking for duplicates, and the clip is as long."""
     source = held(CADENCES["threes"])
     frames, summary = run(source, schedule)
-    plain, plain_summary = run(source, schedule, keeping_duplicates("nlm"))
+    plain, plain_summary = run(source, schedule, duplicates=None)
     assert [(frame.time, frame.duration) for frame in frames] == [(frame.time, frame.duration) for frame in plain]
     counts = summary.frames_in, summary.frames_out, 0
     assert counts == (plain_summary.frames_in, plain_summary.frames_out, plain_summary.duplicates)
@@ -88,7 +94,7 @@ def test_a_clip_without_duplicates_is_the_same_either_way(method):
     """Bit by bit."""
     source = held([1] * 5)
     frames, summary = run(source, method=methods[method])
-    plain, _ = run(source, method=keeping_duplicates(method))
+    plain, _ = run(source, method=methods[method], duplicates=None)
     assert summary.duplicates == 0
     for one, other in zip(frames, plain, strict=True):
         np.testing.assert_array_equal(one.image, other.image)

@@ -24,6 +24,7 @@ from fpsboost.analysis.grain import match_grain, measure_grain
 from fpsboost.cli.options import MethodOptions, TuningOptions
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timeline import TimelineOptions
 from support.memory_frames import FakeSink, FakeSource
 from support.truth import as_type, moved_waves, waves, white_of
 
@@ -197,14 +198,14 @@ def test_threads_and_earlier_runs_change_no_grain():
 
     def made(threads, skip=0):
         sink = FakeSink()
-        interpolator = replace(GRAINY, duplicates=None)
         run_conversion(
             FakeSource(frames),
-            interpolator,
+            GRAINY,
             sink,
             ByFactor(Fraction(3)),
             threads=threads,
             outputs=OutputRange(skip=skip),
+            options=TimelineOptions(duplicates=None),
         )
         return [frame.array for frame in sink.frames]
 

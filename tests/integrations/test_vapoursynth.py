@@ -8,7 +8,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fpsboost import Encoding, Interpolator, Pair, Timing, convert, methods, stream
+from fpsboost import Encoding, Interpolator, Pair, Timing, convert, stream
 from fpsboost.io.video.ycc import from_bgr
 from fpsboost.media import plane_arrays
 from fpsboost.motion.field import ZeroMotion
@@ -36,8 +36,6 @@ PIXEL_FORMATS = {
 }
 UNTAGGED = {"_ChromaLocation": 1}
 """What FFmpeg takes untagged video of this size for, where VapourSynth takes it for something else."""
-
-keep_duplicates = replace(methods["blend"], duplicates=None)
 
 Planes = list[NDArray[Any]]
 
@@ -113,10 +111,11 @@ def read_planes(path: Path) -> list[Planes]:
         return [[np.array(plane) for plane in plane_arrays(picture)] for picture in file.decode(video=0)]
 
 
-def converted(path: Path, method: Interpolator, factor: Fraction) -> list[Planes]:
+def converted(path: Path, method: str, factor: Fraction) -> list[Planes]:
     """Return the planes of our own conversion of a video."""
     output = path.with_name("converted.mkv")
-    convert(str(path), str(output), timing=Timing(factor), method=method, encoding=Encoding(codec="ffv1"))
+    timing = Timing(factor, duplicates="keep")
+    convert(str(path), str(output), timing=timing, method=method, encoding=Encoding(codec="ffv1"))
     return read_planes(output)
 
 
@@ -125,7 +124,7 @@ def test_yuv_equals_our_own_conversion(format, tmp_path):
     """Bit by bit, in the clip's own planes and depth, the frame that is held at the end included."""
     path = write_lossless(tmp_path / "in.mkv", PIXEL_FORMATS[format], [scene(4 * n) for n in range(5)])
     output = interpolate(source_of(read_planes(path), format).clip, 5, 2, method="blend")
-    assert_equal(all_planes(output), converted(path, keep_duplicates, Fraction(5, 2)))
+    assert_equal(all_planes(output), converted(path, "blend", Fraction(5, 2)))
 
 
 @pytest.mark.parametrize(("options", "props"), [({}, []), ({"method": "dis-warp"}, [UNTAGGED])])
@@ -134,7 +133,7 @@ def test_methods_equal_our_own_conversion(tmp_path, options, props):
     pictures = [scene(3 * n) for n in range(5)] + [scene(40 + 3 * n)[::-1, ::-1] ** 2 for n in range(4)]
     path = write_lossless(tmp_path / "in.mkv", "yuv420p", pictures)
     output = interpolate(source_of(read_planes(path), "YUV420P8", props).clip, **options)
-    method = replace(methods[options.get("method", "nlm")], duplicates=None)
+    method = options.get("method", "nlm")
     assert_equal(all_planes(output), converted(path, method, Fraction(2)))
 
 
@@ -145,7 +144,8 @@ def test_rgb_equals_our_own_conversion(format, dtype, gain):
     """Planes are BGR arrays of the clip's own type."""
     images = [scene(4 * n).astype(dtype) * dtype(gain) for n in range(4)]
     clip = source_of([[image[..., plane] for plane in (2, 1, 0)] for image in images], format).clip
-    expected = [[image[..., plane] for plane in (2, 1, 0)] for image in stream(images, method=keep_duplicates)]
+    made = stream(images, method="blend", duplicates="keep")
+    expected = [[image[..., plane] for plane in (2, 1, 0)] for image in made]
     assert_equal(all_planes(interpolate(clip, method="blend")), expected)
 
 
@@ -344,7 +344,7 @@ def test_vspipe_writes_what_a_conversion_does(tmp_path):
     command = [str(vspipe), "-c", "y4m", str(script), str(tmp_path / "out.y4m")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert_equal(read_planes(tmp_path / "out.y4m"), converted(path, keep_duplicates, Fraction(2)))
+    assert_equal(read_planes(tmp_path / "out.y4m"), converted(path, "blend", Fraction(2)))
 
 
 SCRIPT = """

@@ -8,7 +8,7 @@ from fpsboost.kernels.constants import VALUES_PER_MOTION
 from fpsboost.kernels.pair_context import count_landings
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.surroundings import at_time, find_surroundings
+from fpsboost.synthesis.pair_context import context_at, find_context
 from support.truth import moved_waves
 
 
@@ -45,8 +45,8 @@ def support_of(step=8, bandwidth=0.3, sharpness=18.0):
     motions = np.zeros((6, 6, 2, VALUES_PER_MOTION), np.float32)
     motions[..., 0, 0], motions[..., 1, 0] = 3, -11
     candidates = Candidates(np.full((6, 6), 2, np.int32), motions, np.full((6, 6, 2), 0.5, np.float32), 16)
-    known = find_surroundings(FramePair(*frames, *fields), step, bandwidth, sharpness)
-    return at_time(known, 0.5, candidates).support[1:-1, 1:-1]
+    known = find_context(FramePair(*frames, *fields), step, bandwidth, sharpness)
+    return context_at(known, 0.5, candidates).support[1:-1, 1:-1]
 
 
 def test_neighbours_support_the_motion_that_they_believe_in():

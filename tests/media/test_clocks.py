@@ -20,7 +20,6 @@ from fpsboost.media.frame_rate import measure_rate, nominal_rate
 from fpsboost.media.remarks import Damage
 from fpsboost.media.reorder_buffer import ReorderBuffer
 from fpsboost.probing import probe
-from support.conversion_options import keeping_duplicates
 from support.video_truth import bytes_of, copy_packets, packets_of, pictures_of, read, sound_to_picture, write_clip
 
 MILLISECOND = Fraction(1, 1000)
@@ -258,7 +257,7 @@ def test_a_clock_that_drifts(tmp_path):
     """A phone that films 29.985 frames per second: its frames pass, up to the last one."""
     times = [round(number * 90_000 / 29.985) for number in range(800)]
     assert float(rate_of(tmp_path / "phone.mp4", times)) == pytest.approx(29.985, abs=1e-4)
-    summary = convert(str(tmp_path / "phone.mp4"), str(tmp_path / "out.mp4"), method=keeping_duplicates("nearest"))
+    summary = convert(str(tmp_path / "phone.mp4"), str(tmp_path / "out.mp4"), method="nearest", duplicates="keep")
     assert (summary.frames_out, summary.frames_made, summary.remarks) == (1600, 800, [])
 
 
@@ -267,7 +266,7 @@ def test_a_high_speed_camera_keeps_its_frames(tmp_path, rate):
     """A file of more than 1000 frames per second is at its rate, and so is its conversion when it is read again."""
     clip, out = tmp_path / "in.mov", tmp_path / "out.mp4"
     write_clip(clip, times=range(20), time_base=1 / rate, rate=rate, size=(16, 16))
-    summary = convert(str(clip), str(out), method=keeping_duplicates("nearest"))
+    summary = convert(str(clip), str(out), method="nearest", duplicates="keep")
     assert (summary.frames_in, summary.frames_out, summary.remarks) == (20, 40, [])
     with VideoSource(out) as source:
         assert source.info.rate == 2 * rate
@@ -371,7 +370,7 @@ def test_flv_without_metadata(tmp_path):
     """24 frames per second in milliseconds, of which the header says nothing, become 48."""
     whole = write_clip(tmp_path / "whole.mp4", times=range(48), time_base=Fraction(1, 24))
     copy_packets(whole, tmp_path / "in.flv", flvflags="no_metadata")
-    summary = convert(str(tmp_path / "in.flv"), str(tmp_path / "out.mp4"), method=keeping_duplicates("nearest"))
+    summary = convert(str(tmp_path / "in.flv"), str(tmp_path / "out.mp4"), method="nearest", duplicates="keep")
     assert (summary.frames_in, summary.frames_out, summary.remarks) == (48, 96, [])
     with VideoSource(tmp_path / "out.mp4") as source:
         assert source.info.rate == 48

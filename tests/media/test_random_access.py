@@ -13,7 +13,7 @@ from fpsboost import DecodeOptions, Frame, FrameSource, InputError
 from fpsboost.derived_sources import TrimmedSource
 from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.video.source import VideoSource
-from fpsboost.streaming import positions_of
+from fpsboost.timeline import positions_of
 from fpsboost.timing.position import Trim, parse_position
 from support.video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 

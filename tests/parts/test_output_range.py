@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from fpsboost import CutDetector, Frame, FrameCache, Interpolator, OutputRange, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.parts.entry import find_entry
-from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter
+from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule
+from fpsboost.timing.shutter import Shutter
 from support.memory_frames import FakeSink, FakeSource
 from support.truth import frozen
 
@@ -79,18 +80,18 @@ SCHEDULES: dict[str, Schedule] = {
 
 
 def run(
-    frames: list[Frame], schedule: Schedule, interpolator: Interpolator, outputs: OutputRange | None = None
+    frames: list[Frame], schedule: Schedule, interpolator: Interpolator, outputs: OutputRange = OutputRange()
 ) -> tuple[list[Frame], Summary]:
     """Return the frames that a sink gets, and the summary."""
     sink = FakeSink()
     sink.holds_last_frame = True
-    begin = 0 if outputs is None or outputs.entry is None else outputs.entry.number
+    begin = 0 if outputs.entry is None else outputs.entry.number
     source = FakeSource(frames[begin:], RATE)
     summary = run_conversion(source, interpolator, sink, schedule, outputs=outputs, threads=1)
     return sink.frames, summary
 
 
-def entered(frames: list[Frame], schedule: Schedule, interpolator: Interpolator, outputs: OutputRange) -> OutputRange:
+def entered(frames: list[Frame], schedule: Schedule, outputs: OutputRange) -> OutputRange:
     """Return a range that begins at the entry that is found for it."""
 
     @contextmanager
@@ -98,8 +99,7 @@ def entered(frames: list[Frame], schedule: Schedule, interpolator: Interpolator,
         yield iter(frames[number:])
 
     times = [frame.time for frame in frames]
-    detector = interpolator.duplicates
-    return replace(outputs, entry=find_entry(times, schedule, detector, outputs.first, read_from))
+    return replace(outputs, entry=find_entry(times, schedule, DuplicateDetector(), outputs.first, read_from))
 
 
 def facts(frame: Frame) -> tuple[object, ...]:
@@ -117,7 +117,7 @@ def test_ranges_are_parts_of_the_whole(schedule, clip, data):
     ranges = [OutputRange(first, stop) for first, stop in pairwise([0, *cuts, None])]
     found = []
     for outputs in ranges:
-        chosen = entered(clip, schedule, BLEND, outputs) if outputs.first else outputs
+        chosen = entered(clip, schedule, outputs) if outputs.first else outputs
         found.append(run(clip, schedule, BLEND, chosen))
     assert [facts(frame) for frames, _ in found for frame in frames] == [facts(frame) for frame in whole]
     for count in ("frames_out", "frames_made", "scene_cuts", "duplicates"):

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from fpsboost import DecodeOptions, Encoding, FrameSink, Interpolator, RunOptions, Target, Timing, convert, methods
+from fpsboost import DecodeOptions, Encoding, FrameSink, RunOptions, Target, Timing, convert
 from fpsboost.io import DescribedSource
 from fpsboost.io.output import Output
 from fpsboost.media import OutputTiming
@@ -39,8 +39,3 @@ def double(source: Path, target: Path, encoding: Encoding = FAST, **options: Any
     if target.suffix == ".webm":
         encoding = replace(encoding, preset="8")
     return convert(str(source), str(target), method="nearest", encoding=encoding, **grouped(**options)).remarks
-
-
-def keeping_duplicates(method: str) -> Interpolator:
-    """Return a method that takes frames which show the same as the one before for frames of their own."""
-    return replace(methods[method], duplicates=None)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from fpsboost import OptionError, OutputRange, Part, RunOptions, convert, join, run_conversion, stream
 from fpsboost.media import TimeMap
+from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.options import Timing, exposed
 from fpsboost.timing.retime import parse_curve, parse_speeds
 from fpsboost.timing.schedule import count_frames
@@ -22,7 +23,6 @@ from support.memory_frames import BLEND, FAST, FakeSink, FakeSource, regular
 from support.video_truth import copy_packets, packets_of, pictures_of, scene, write_clip
 
 RATE = Fraction(24)
-STEADY = replace(BLEND, duplicates=None)
 
 steps = st.lists(st.fractions(Fraction(1, 9), 3, max_denominator=9), min_size=2, max_size=6)
 rises = st.lists(st.fractions(0, 3, max_denominator=9), min_size=6, max_size=6)
@@ -41,7 +41,8 @@ def retimed(frames, text, skip=0, **options):
     source, sink, rate = FakeSource(frames), FakeSink(), Timing(retime=text, **options)
     curve = rate.time_map(source.info)
     schedule = exposed(rate.schedule(source.info, curve=curve), rate)
-    run_conversion(source, STEADY, sink, schedule, outputs=OutputRange(skip=skip))
+    options = TimelineOptions(duplicates=None)
+    run_conversion(source, BLEND, sink, schedule, options=options, outputs=OutputRange(skip=skip))
     return sink.frames
 
 
@@ -202,7 +203,8 @@ def test_a_clip_plays_backwards(tmp_path, curve):
     """Every frame shows the time of the curve; in parts, the packets are the same."""
     pictures = [np.full((48, 64, 3), 20 + 4 * number, np.uint8) for number in range(50)]
     clip = write_clip(tmp_path / "in.mkv", times=range(50), picture=lambda number, *_: pictures[number])
-    options: dict[str, Any] = {"method": STEADY, "encoding": FAST, "timing": Timing(Fraction(6), retime=curve)}
+    timing = Timing(Fraction(6), retime=curve, duplicates="keep")
+    options: dict[str, Any] = {"method": BLEND, "encoding": FAST, "timing": timing}
     assert not convert(str(clip), str(tmp_path / "out.mkv"), **options).remarks
     rate, wanted = Fraction(150), parse_curve(curve, Fraction(150), Fraction(25))
     times = [float(wanted.source(k / rate) * 25) for k in range(math.ceil(wanted.length * rate))]

@@ -22,13 +22,14 @@ from fpsboost import (
     run_conversion,
 )
 from fpsboost.synthesis.exposure import Exposure
-from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Shutter
+from fpsboost.timeline import TimelineOptions
+from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule
+from fpsboost.timing.shutter import Shutter
 from support.memory_frames import BLEND, FAST, FakeSink, FakeSource
 from support.truth import SCENES, as_type, needs_scenes, waves
 from support.video_truth import packets_of, pictures_of, write_clip
 
 SIZE = 48, 96
-STEADY = replace(BLEND, duplicates=None)
 HALF = Shutter(Fraction(180), 5)
 
 
@@ -40,13 +41,19 @@ def shown(levels, seconds=Fraction(1, 25)):
     ]
 
 
-def exposed(frames, schedule, shutter, interpolator=STEADY, skip=0, threads=2, holds_last_frame=True):
+def exposed(frames, schedule, shutter, interpolator=BLEND, skip=0, threads=2, holds_last_frame=True):
     """The output frames and the summary of a conversion."""
     sink = FakeSink()
     sink.holds_last_frame = holds_last_frame
     sampled = schedule if shutter is None else ExposureSchedule(schedule, shutter)
     summary = run_conversion(
-        FakeSource(frames), interpolator, sink, sampled, outputs=OutputRange(skip=skip), threads=threads
+        FakeSource(frames),
+        interpolator,
+        sink,
+        sampled,
+        outputs=OutputRange(skip=skip),
+        threads=threads,
+        options=TimelineOptions(duplicates=None),
     )
     return sink.frames, summary
 
@@ -125,7 +132,7 @@ def test_a_moving_edge_is_as_wide_as_the_shutter_times_its_motion(angle, samples
     """16 pixels per frame at 180 degrees are a ramp of 8 pixels, centred where the sharp edge is."""
     speed, textured = 16, np.random.default_rng(1).uniform(0, 0.05, (SIZE[0], 1, 1)).astype(np.float32)
     frames = [Frame(step_edge(20 + speed * k) + textured, Fraction(k, 25), Fraction(1, 25)) for k in range(4)]
-    interpolator = replace(methods["nlm"], cuts=None, duplicates=None, compensate_illumination=False)
+    interpolator = replace(methods["nlm"], cuts=None, compensate_illumination=False)
     made, _ = exposed(frames, ByFactor(Fraction(1)), Shutter(Fraction(angle), samples), interpolator)
     row = ((made[1].array - textured)[SIZE[0] // 2, :, 1] - 0.1) / 0.8
     width = speed * angle / 360
@@ -145,9 +152,8 @@ def test_nothing_is_blurred_across_a_cut():
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
     scenes = [as_type(waves(x, y, 3, seed), np.uint8) for seed in (1, 9)]
     frames = [Frame(scenes[k >= 4], Fraction(k, 25), Fraction(1, 25)) for k in range(8)]
-    interpolator = replace(methods["blend"], duplicates=None)
     for factor in (1, 2, 3):
-        made, summary = exposed(frames, ByFactor(Fraction(factor)), Shutter(Fraction(360), 7), interpolator)
+        made, summary = exposed(frames, ByFactor(Fraction(factor)), Shutter(Fraction(360), 7), methods["blend"])
         assert summary.scene_cuts == 1
         assert all(any((each.array == scene).all() for scene in scenes) for each in made)
 

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpsboost import ClipInfo, Frame, OptionError, Summary, Timing, convert, run_conversion
+from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 from support.conversion_options import grouped
 from support.memory_frames import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames
@@ -38,7 +39,7 @@ def source_of(info: ClipInfo, times: Iterable[Fraction], end: Fraction) -> FakeS
 def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: Timing) -> tuple[list[Frame], Summary]:
     """What comes out, with the remarks of the pace."""
     source, sink, schedule = source_of(info, times, end), FakeSink(), pace.schedule(info)
-    summary = run_conversion(source, replace(BLEND, duplicates=None), sink, schedule)
+    summary = run_conversion(source, BLEND, sink, schedule, options=TimelineOptions(duplicates=None))
     summary.remarks = pace.remarks(info, schedule, summary.frame_intervals)
     return sink.frames, summary
 
@@ -212,7 +213,7 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     info = info_of(FILM, Fraction(1, 24000))
     times = [start + k / FILM for k in range(12)]
     source, sink, schedule = source_of(info, times, start + 12 / FILM), FakeSink(), pace.schedule(info)
-    run_conversion(source, BLEND, sink, schedule, stretch=pace.stretch)
+    run_conversion(source, BLEND, sink, schedule, options=TimelineOptions(pace.stretch))
     assert pace.output_timing(info, schedule).rate == rate
     assert [frame.time for frame in sink.frames] == [
         start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))

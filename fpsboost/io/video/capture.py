@@ -13,7 +13,8 @@ import numpy as np
 from fpsboost.contracts import ReadInOrder
 from fpsboost.errors import InputError, undone_by
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.image import Image, check_pair, check_values
+from fpsboost.image import Image
+from fpsboost.image_checks import check_pair, check_values
 from fpsboost.io.output import StreamInfo
 from fpsboost.memory import MemoryLimit
 from fpsboost.remarks import Remarks

@@ -213,8 +213,8 @@ def clip(folder: Path) -> Path:
 
 
 def convert(clip: Path, out: Path, **options: object) -> fpsboost.Summary:
-    method = replace(methods[str(options.pop("method", "blend"))], duplicates=None)
-    return fpsboost.convert(str(clip), str(out), method=method, **grouped(**options))
+    method = str(options.pop("method", "blend"))
+    return fpsboost.convert(str(clip), str(out), method=method, **grouped(duplicates="keep", **options))
 
 
 def names(folder: Path) -> Iterator[str]:

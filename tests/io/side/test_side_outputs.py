@@ -14,7 +14,6 @@ from fpsboost import (
     ByFactor,
     CutDetector,
     DecodeOptions,
-    DuplicateDetector,
     FpsboostError,
     Frame,
     InputError,
@@ -37,11 +36,12 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.side.flow import flow_picture
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timeline import TimelineOptions
 from support.memory_frames import FakeSink, FakeSource, make_frames
 from support.vector_truth import constant, save_flows
 from support.video_truth import write_clip
 
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, duplicates=None, compensate_illumination=False)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
 SHIFT = 8, 4  # pixels to the right and down from each frame of `pan` to the next
 
 
@@ -82,7 +82,7 @@ class AskingSink(FakeSink):
 def blended(sink: FakeSink, factor: int) -> list[Frame]:
     """What a sink gets of three flat frames."""
     source = FakeSource(make_frames(map(Fraction, range(3)), Fraction(3)))
-    run_conversion(source, BLEND, sink, ByFactor(Fraction(factor)))
+    run_conversion(source, BLEND, sink, ByFactor(Fraction(factor)), options=TimelineOptions(duplicates=None))
     return sink.frames
 
 
@@ -217,8 +217,7 @@ def test_repeats_have_no_motion_of_their_own(tmp_path):
     """It leads past them, from the first of them to the next that differs."""
     source = save_pan(tmp_path / "in", range(1, 5), "{:04d}.png")
     (source / "0002.png").write_bytes((source / "0001.png").read_bytes())
-    method = replace(methods["dis"], duplicates=DuplicateDetector())
-    convert(str(source), str(tmp_path / "out"), method=method, run=beside(save_motion=tmp_path / "m_#.exr"))
+    convert(str(source), str(tmp_path / "out"), method="dis", run=beside(save_motion=tmp_path / "m_#.exr"))
     assert sorted(path.name for path in tmp_path.glob("*.exr")) == ["m_1.exr", "m_3.exr", "m_4.exr"]
 
 

@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
 
-from fpsboost import DecodeOptions, Encoding, Summary, convert
+from fpsboost import DecodeOptions, Encoding, Summary, Timing, convert, methods
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoder import with_hdr
 from fpsboost.media.pixels import SCALER_FLAGS, chroma_location_of, plane_arrays
 from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits, parse_mastering_display
-from support.conversion_options import keeping_duplicates
 from support.video_truth import copy_packets, pictures_of, samples_of, write_clip
 
 SIZE = 48, 64
@@ -76,7 +75,8 @@ def doubled(source: Path, target: Path, encoding: Encoding, method: str = "blend
     convert(
         str(source),
         str(target),
-        method=replace(keeping_duplicates(method), cuts=None),
+        method=replace(methods[method], cuts=None),
+        timing=Timing(duplicates="keep"),
         encoding=encoding,
         decoding=DecodeOptions(input_fps=rate),
     )
@@ -245,7 +245,7 @@ def test_images_of_a_video_span_the_whole_range(tmp_path, pixel_format, color_ra
         if index == 0:
             plane[:, :32], plane[:, 32:] = black, white
     write_pictures(clip, picture, "ffv1", color_range=color_range)
-    convert(str(clip), str(tmp_path / "out"), method=keeping_duplicates("blend"))
+    convert(str(clip), str(tmp_path / "out"), method="blend", duplicates="keep")
     images = [cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for path in sorted((tmp_path / "out").iterdir())]
     assert len(images) == 5
     for image in images:
@@ -266,7 +266,7 @@ def test_a_video_of_images_says_how_its_colours_are_meant(tmp_path, dtype):
     pictures = doubled(tmp_path / "in", tmp_path / "out.mkv", encoding)
     for picture in pictures:
         assert picture.format.is_rgb or (picture.colorspace in (BT601, BT709) and picture.color_range == LIMITED)
-    convert(str(tmp_path / "out.mkv"), str(tmp_path / "back"), method=keeping_duplicates("blend"), factor=1)
+    convert(str(tmp_path / "out.mkv"), str(tmp_path / "back"), method="blend", duplicates="keep", factor=1)
     step = np.iinfo(dtype).max / (2 ** pictures[0].format.components[0].bits - 1)
     for path in (tmp_path / "back").iterdir():
         back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)

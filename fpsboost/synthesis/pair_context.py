@@ -1,7 +1,7 @@
 """The context of a pair of frames for the learnt weights: adjacent frames, and features of the motion fields.
 
 Its record, `PairContext`, is read by the kernels. What does not depend on the time is computed once per pair
-(`find_surroundings`), the rest for every time (`at_time`).
+(`find_context`), the rest for every time (`context_at`).
 """
 
 import cv2
@@ -27,8 +27,8 @@ def half_luma(image: FrameCache) -> np.ndarray:
     luma = image.cached(gray)
     even = np.pad(luma, [(0, size % 2) for size in luma.shape], "edge")
     small = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    around = cv2.copyMakeBorder(small, MARGIN, MARGIN, MARGIN, MARGIN + BLOCKS_2X2_PER_ROW, cv2.BORDER_REPLICATE)
-    return around.astype(np.float32) * np.float32(1 / 255)
+    padded = cv2.copyMakeBorder(small, MARGIN, MARGIN, MARGIN, MARGIN + BLOCKS_2X2_PER_ROW, cv2.BORDER_REPLICATE)
+    return padded.astype(np.float32) * np.float32(1 / 255)
 
 
 def flatness(image: FrameCache, step: int) -> np.ndarray:
@@ -41,8 +41,8 @@ def flatness(image: FrameCache, step: int) -> np.ndarray:
     return np.asarray(np.exp(exponents).astype(np.float32))
 
 
-def find_surroundings(frame_pair: FramePair, step: int, bandwidth: float, sharpness: float) -> PairContext:
-    """Return the context of a pair as far as it does not depend on the time; see `at_time`.
+def find_context(frame_pair: FramePair, step: int, bandwidth: float, sharpness: float) -> PairContext:
+    """Return the context of a pair as far as it does not depend on the time; see `context_at`.
 
     The bandwidth and the sharpness are those of `fpsboost.synthesis.multi_hypothesis.MultiHypothesis`.
     """
@@ -70,11 +70,11 @@ def find_surroundings(frame_pair: FramePair, step: int, bandwidth: float, sharpn
     return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing, *numbers)
 
 
-def at_time(around: PairContext, t: float, candidates: Candidates) -> PairContext:
+def context_at(context: PairContext, t: float, candidates: Candidates) -> PairContext:
     """Return the context with the fields that depend on the time and on the candidates."""
-    landings = np.empty((2, *around.points[0].shape[:2]), np.float32)
-    for points, time, counts in zip(around.points, (t, 1 - t), landings, strict=True):
-        count_landings(points, time, around.step, counts)
-    around = around._replace(landings=landings, support=np.zeros_like(candidates.weights))
-    measure_support(candidates, around, t, around.support)
-    return around
+    landings = np.empty((2, *context.points[0].shape[:2]), np.float32)
+    for points, time, counts in zip(context.points, (t, 1 - t), landings, strict=True):
+        count_landings(points, time, context.step, counts)
+    context = context._replace(landings=landings, support=np.zeros_like(candidates.weights))
+    measure_support(candidates, context, t, context.support)
+    return context
