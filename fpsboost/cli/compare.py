@@ -9,9 +9,8 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from statistics import fmean
@@ -110,9 +109,11 @@ def compare(
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
         for clip in inputs:
             with Progressing(quiet=results.quiet) as progress:
-                intervals = partial(hold_out.intervals, clip)
                 ours, skipped = chosen[clip]
-                compared_methods = ours | dict(interpolated_by(others, intervals, Path(scratch), progress.begin))
+                compared_methods = dict(ours)
+                for tool in others:
+                    progress.begin(tool.name, None)
+                    compared_methods[tool.name] = tool.compared(hold_out.intervals(clip), Path(scratch))
                 comparison = run(
                     clip,
                     compared_methods,
@@ -342,26 +343,14 @@ class OtherTool(NamedTuple):
     value: str
     """Folder of its frames, or its command."""
 
+    def compared(self, intervals: Iterable[evaluation.Interval], scratch: Path) -> evaluation.ComparedMethod:
+        """Return the tool as a method: a folder matched with a clip, or a command, after running it.
 
-def interpolated_by(
-    others: Sequence[OtherTool],
-    intervals: Callable[[], Iterable[evaluation.Interval]],
-    scratch: Path,
-    begin: Callable[[str, None], None],
-) -> Iterator[tuple[str, evaluation.ComparedMethod]]:
-    """Yield tools by name: folders matched with the clip of `intervals`, and commands after running them.
-
-    Commands write their frames to folders in `scratch`, which must last as long as the tools.
-    """
-    for tool in others:
-        begin(tool.name, None)
-        if tool.option == "--frames":
-            yield tool.name, evaluation.find_frames(tool.name, Path(tool.value), intervals())
-        else:
-            yield (
-                tool.name,
-                evaluation.run_peer(tool.name, tool.value, intervals(), Path(tempfile.mkdtemp(dir=scratch))),
-            )
+        A command writes its frames to a folder in `scratch`, which must last as long as the method.
+        """
+        if self.option == "--frames":
+            return evaluation.find_frames(self.name, Path(self.value), intervals)
+        return evaluation.run_peer(self.name, self.value, intervals, Path(tempfile.mkdtemp(dir=scratch)))
 
 
 def name_others(frames: Sequence[str], peers: Sequence[str]) -> list[OtherTool]:
@@ -375,9 +364,8 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> list[OtherTool]:
             raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} {usages[option]}.")
         if name in taken or ":" in name:
             raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
+        if option == "--peer":
+            evaluation.split_command(name, value)
         taken.add(name)
         others.append(OtherTool(option, name, value))
-    for tool in others:
-        if tool.option == "--peer":
-            evaluation.split_command(tool.name, tool.value)
     return others

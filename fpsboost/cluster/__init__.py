@@ -56,13 +56,13 @@ def convert_where(where: ClusterOptions, job: fpsboost.ConversionJob, run: fpsbo
     if where.cluster is None:
         return fpsboost.convert_job(job, run)
     try:
-        from fpsboost.cluster import dask_engine  # noqa: PLC0415
+        from fpsboost.cluster import clients, dask_engine  # noqa: PLC0415
     except ImportError as error:
         raise fpsboost.OptionError("`cluster` needs Dask; install it with: pip install 'fpsboost[cluster]'.") from error
     if where.cluster == LOCAL:
-        with dask_engine.local_client(_affordable_workers(job, run)) as client:
+        with clients.local_client(_affordable_workers(job, run)) as client:
             return dask_engine.convert(job, client, run=run)
-    with dask_engine.remote_client(where.cluster) as client:
+    with clients.remote_client(where.cluster) as client:
         summary = dask_engine.convert(job, client, run=run)
     if re.match(r"tcp://(?!localhost:|127\.|\[::1\])", where.cluster):
         summary.remarks.add("not-encrypted", address=where.cluster)

@@ -7,25 +7,21 @@ job: two clients that convert the same thing on one scheduler wait for the same 
 """
 
 import concurrent.futures
-import logging
 import os
 import pickle
 import shutil
 import time
 from asyncio import CancelledError
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
 from typing import Any
 from uuid import uuid4
 
-import dask
-from distributed import Client, Future, KilledWorker, LocalCluster
-from distributed.security import Security
-from distributed.utils import silence_logging_cmgr
+from distributed import Client, Future, KilledWorker
 
 from fpsboost import (
     CompleteAlreadyError,
@@ -82,8 +78,6 @@ WAIT_SECONDS = 0.5
 WORKERS_INTERVAL = 1.0
 """Seconds between requests to the scheduler for the list of workers."""
 
-CONNECT_SECONDS = 10
-"""Time limit of a connection to the scheduler, seconds."""
 REPLY_SECONDS = 30
 """Time limit of an answer of the scheduler or a worker, seconds."""
 
@@ -376,45 +370,3 @@ class _Parts:
 def largest_first(planned: Mapping[Part, int]) -> list[Part]:
     """Return parts by their frames in the order in which they are computed, those of one size by their numbers."""
     return sorted(planned, key=lambda part: (-planned[part], part.number))
-
-
-@contextmanager
-def local_client(workers: int) -> Iterator[Client]:
-    """Start a scheduler and workers with one thread each on this machine; stop them at the end."""
-    settings = {
-        "distributed.scheduler.allowed-failures": MAX_LOST_WORKERS,
-        "distributed.worker.profile.enabled": False,  # takes a tenth of the time of Python code in threads
-    }
-    with (
-        dask.config.set(settings),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            memory_limit=0,  # the memory that a conversion needs is checked before it begins
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
-
-
-@contextmanager
-def remote_client(address: str) -> Iterator[Client]:
-    """Connect to a scheduler with the certificates of Dask's configuration.
-
-    Raises `ClusterError` if it cannot be reached, or if ``tls://`` is given without certificates.
-    """
-    if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
-        raise ClusterError(
-            f"{address} needs certificates, and Dask's configuration names none; set distributed.comm.tls.ca-file, and "
-            "cert and key of distributed.comm.tls.client."
-        )
-    with silence_logging_cmgr(logging.CRITICAL):  # a lost scheduler is reported in one sentence by fpsboost
-        try:
-            client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-        except (OSError, TimeoutError, RuntimeError, ValueError) as error:
-            raise ClusterError(f"There is no scheduler at {address} ({error}); check the address.") from error
-        with client:
-            yield client

@@ -49,7 +49,8 @@ from fpsboost.extension import (
     view,
     write_whole,
 )
-from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed, first_packet_size
+from fpsboost.preview.places import Passage, Selection, find_passages, find_retimed, first_packet_size
+from fpsboost.preview.view import View
 
 TINT, OPACITY = np.array([255, 0, 255], np.float32), 0.6
 """Colour of what a mask keeps, in BGR, and its share."""

@@ -37,7 +37,7 @@ from fpsboost.extension import (
     stands_for_images,
     trim_source,
 )
-from fpsboost.preview.places import View
+from fpsboost.preview.view import View
 from fpsboost.ui.choices import remarks_on_page
 from fpsboost.ui.jobs import start_process
 

@@ -32,7 +32,7 @@ from support.video_truth import packets_of, write_clip
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
 
-from fpsboost.cluster import dask_engine, worker  # noqa: E402 (only where Dask is installed)
+from fpsboost.cluster import clients, dask_engine, worker  # noqa: E402 (only where Dask is installed)
 
 
 def test_largest_parts_go_first():
@@ -119,7 +119,7 @@ def images(tmp_path_factory) -> Clip:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    with dask_engine.local_client(2) as client:
+    with clients.local_client(2) as client:
         yield client
 
 
@@ -337,7 +337,7 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, client, images, 
         asked.append(workers)
         yield client
 
-    monkeypatch.setattr(dask_engine, "local_client", local_client)
+    monkeypatch.setattr(clients, "local_client", local_client)
     curve = images.job.timing.retime
     result = fpsboost_(images.job.input, f"{output}/", "--retime", curve, "--method", "blend", "--cluster", "local")
     assert result.code == 0, result.err
@@ -356,7 +356,7 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, client, images, 
 )
 def test_what_the_command_line_refuses(fpsboost_, images, output, monkeypatch, arguments, code, sentence):
     """A scheduler that is not there, encryption without certificates, and no address."""
-    monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
+    monkeypatch.setattr(clients, "CONNECT_SECONDS", 0.2)
     assert_refused(fpsboost_(images.job.input, f"{output}/", *arguments), code, sentence)
 
 
