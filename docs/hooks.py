@@ -20,7 +20,7 @@ from mkdocs.exceptions import PluginError
 
 import fpsboost
 from fpsboost.cli.app import app
-from fpsboost.cli.options import in_flags
+from fpsboost.cli.flags import in_flags
 from fpsboost.conflicts import CONFLICTS, LEAVE_ONE, NEEDS, in_sentence, names_in
 
 ROOT = Path(__file__).parents[1]

@@ -20,6 +20,7 @@ from rich.table import Table
 from fpsboost import __version__
 from fpsboost.cli import stop_signals
 from fpsboost.cli.errors import PIPE, all_explained, standard_output_finished
+from fpsboost.cli.flags import GROUPS, MAIN, default_text, with_flags
 from fpsboost.cli.messages import (
     LibraryTexts,
     as_objects,
@@ -34,18 +35,7 @@ from fpsboost.cli.messages import (
     say_traceback,
     sentence,
 )
-from fpsboost.cli.options import (
-    GROUPS,
-    MAIN,
-    CutOptions,
-    JoinOptions,
-    MessageOptions,
-    MethodOptions,
-    PathName,
-    TuningOptions,
-    default_text,
-    with_flags,
-)
+from fpsboost.cli.options import CutOptions, JoinOptions, MessageOptions, MethodOptions, PathName, TuningOptions
 from fpsboost.cli.stopping import stopping_on
 from fpsboost.cluster import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of

@@ -24,16 +24,15 @@ from rich.table import Column, Table
 import fpsboost
 from fpsboost import evaluation
 from fpsboost.cli import messages
+from fpsboost.cli.flags import GROUPS, with_flags
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import (
-    GROUPS,
     ComparedMethodOptions,
     CutOptions,
     HoldOutOptions,
     PathName,
     ResultOptions,
     check_named_once,
-    with_flags,
 )
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError, choose_one

@@ -27,7 +27,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 import fpsboost
-from fpsboost.cli.options import MessageOptions, in_flags
+from fpsboost.cli.flags import in_flags
+from fpsboost.cli.options import MessageOptions
 from fpsboost.errors import notes_of, rounded
 from fpsboost.media import Remark
 from fpsboost.timing.options import readable
@@ -95,8 +96,7 @@ def fact_table(facts: Mapping[str, str], title: str | None = None) -> Table:
 
 def say_error(errors: Console, error: BaseException) -> None:
     """Print an error and its notes on one line, with flags in place of the options that they name."""
-    sentences = " ".join(filter(None, (str(error), notes_of(error))))
-    errors.print(f"[red]fpsboost:[/] {sentence(sentences)}")
+    errors.print(f"[red]fpsboost:[/] {sentence(f'{error} {notes_of(error)}'.strip())}")
 
 
 def say_traceback() -> None:

@@ -9,8 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 import fpsboost
+from fpsboost.cli.flags import with_flags
 from fpsboost.cli.messages import console, fact_table, literal, sentence
-from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
+from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions
 from fpsboost.rerender import MergeOptions, PlanOptions
 
 budget = Group("Regions", sort_key=1)

@@ -10,17 +10,9 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.compare import split_methods
+from fpsboost.cli.flags import GROUPS, in_flags, with_flags
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import (
-    GROUPS,
-    CutOptions,
-    MethodOptions,
-    PathName,
-    PreviewOptions,
-    command_line,
-    in_flags,
-    with_flags,
-)
+from fpsboost.cli.options import CutOptions, MethodOptions, PathName, PreviewOptions, command_line
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.io.opening import PIPES, Target

@@ -10,8 +10,9 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
+from fpsboost.cli.flags import in_flags
 from fpsboost.cli.messages import as_objects, fact_table, literal, sentence
-from fpsboost.cli.options import PathName, in_flags
+from fpsboost.cli.options import PathName
 from fpsboost.errors import rounded
 from fpsboost.timing.position import as_ranges
 from fpsboost.timing.schedule import parse_rate

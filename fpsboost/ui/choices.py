@@ -18,7 +18,8 @@ from fpsboost import (
     format_time,
 )
 from fpsboost.cli.batch import check_ending
-from fpsboost.cli.options import MethodOptions, command_line, in_flags
+from fpsboost.cli.flags import in_flags
+from fpsboost.cli.options import MethodOptions, command_line
 from fpsboost.extension import (
     Checked,
     encoders,

@@ -16,7 +16,7 @@ import pytest
 import fpsboost
 from fpsboost.cli import app
 from fpsboost.cli.compare import choose
-from fpsboost.cli.options import MAIN_OPTIONS
+from fpsboost.cli.flags import MAIN_OPTIONS
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.timing.schedule import parse_number, parse_rate

@@ -20,7 +20,8 @@ from fpsboost import (
     interpolate_clip,
     methods,
 )
-from fpsboost.cli.options import MethodOptions, TuningOptions, flag_names, in_flags, option_classes
+from fpsboost.cli.flags import flag_names, in_flags
+from fpsboost.cli.options import MethodOptions, TuningOptions, option_classes
 from fpsboost.options import flags_of
 
 PACKAGE = Path(fpsboost.__file__).parent

@@ -13,7 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fpsboost import DecodeOptions, Encoding, convert
-from fpsboost.cli.options import in_flags
+from fpsboost.cli.flags import in_flags
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.clock import in_rising_order
 from fpsboost.media.frame_rate import measure_rate, nominal_rate
