@@ -1,4 +1,4 @@
-"""Options of the command line alone, the flags of all options by the names of their fields, and signatures with them.
+"""Options of the command line alone; `fpsboost.cli.flags` makes flags of these and of all others.
 
 Heavy modules are imported only when an option is used, so that --help need not wait for OpenCV and FFmpeg.
 """
