@@ -183,7 +183,7 @@ def looped(clip: OpenedClip, schedule: Schedule, *, keeps_sound: bool) -> tuple[
     total = count_frames(schedule, info, holds_last_frame=True)
     remarks = Remarks(clip.whole.remarks)
     video = clip.whole.stream_info.video
-    if keeps_sound and video and "sound" in video.companions:
+    if keeps_sound and video and "sound" in video.auxiliary_streams:
         remarks.add("loop-of-sound", name=name, frames=total)
     seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
     if len(seam) > 1 and not any(seam):

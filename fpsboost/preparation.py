@@ -365,7 +365,7 @@ def _adapt_audio(
 ) -> Encoding:
     """Drop the audio of slow motion unless it is to be stretched; add a remark if audio is lost."""
     video = stream.video
-    name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
+    name = video.name if video is not None and encoding.audio and "sound" in video.auxiliary_streams else None
     if curve is not None and curve.sounding and timing.slow_motion_sound != "drop":
         passages = ", ".join(_describe_silence(*each) for each in curve.silences)
         if name is not None and passages:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 import av
 import av.filter
 import numpy as np
+from av import VideoFrame, VideoStream
 from av.filter import Graph
 
 from fpsboost.colour import with_red_and_blue_swapped
@@ -265,7 +266,7 @@ class AnimationWriter(ABC):
         self._tick = tick
         self._code_points = code_points
         self._container = av.open(file, "w", format=self.muxer, options={self.loop_option: str(self.loops(plays))})
-        self._stream: av.VideoStream | None = None
+        self._stream: VideoStream | None = None
         self._shape: tuple[int, ...] = ()
         self.ticks = 0
 
@@ -274,7 +275,7 @@ class AnimationWriter(ABC):
         return plays
 
     @abstractmethod
-    def picture(self, image: Image) -> av.VideoFrame:
+    def picture(self, image: Image) -> VideoFrame:
         """Convert an image to the encoder's pixel format."""
 
     @abstractmethod
@@ -301,7 +302,7 @@ class AnimationWriter(ABC):
             raise OutputError(f"One frame is {view(image).describe()}, unlike the first; make all frames alike.")
         picture = self.picture(image)
         if self._stream is None:
-            self._stream = cast(av.VideoStream, self._container.add_stream(self.codec, options=self.encoder_options()))
+            self._stream = cast(VideoStream, self._container.add_stream(self.codec, options=self.encoder_options()))
             self._stream.height, self._stream.width = picture.height, picture.width
             self._stream.pix_fmt = picture.format.name
             self._stream.time_base = self._stream.codec_context.time_base = self._tick
@@ -365,18 +366,18 @@ class GifWriter(AnimationWriter):
             packet.update(bytes(data))
         super().mux(packet)
 
-    def picture(self, image: Image) -> av.VideoFrame:
+    def picture(self, image: Image) -> VideoFrame:
         """Convert an image to 256 colours of its own, with dithering."""
         has_alpha = image.shape[2] == 4
         image = _with_binary_alpha(image)
-        picture = av.VideoFrame.from_ndarray(image, format="bgra")
+        picture = VideoFrame.from_ndarray(image, format="bgra")
         picture.pts = self.ticks
         picture.time_base = self._tick
         self._graph = self._graph or _palette_graph(picture, has_alpha)
         self._graph.push(picture)
-        indices: Any = cast(av.VideoFrame, self._graph.pull()).to_ndarray()
+        indices: Any = cast(VideoFrame, self._graph.pull()).to_ndarray()
         # the encoder takes the padding of its first frame's rows for that of all, and writes past its memory otherwise
-        return av.VideoFrame.from_ndarray(indices, format="pal8")
+        return VideoFrame.from_ndarray(indices, format="pal8")
 
 
 def _with_binary_alpha(image: Image) -> Image:
@@ -388,7 +389,7 @@ def _with_binary_alpha(image: Image) -> Image:
     return np.dstack([colours, np.where(visible, np.uint8(255), np.uint8(0))])
 
 
-def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> Graph:
+def _palette_graph(picture: VideoFrame, has_alpha: bool) -> Graph:
     """Build a filter graph that gives every picture a palette of its own; `has_alpha` reserves a transparent entry."""
     graph = Graph()
     entry = graph.add_buffer(
@@ -419,10 +420,10 @@ class ApngWriter(AnimationWriter):
         """Return options for speed: at a third of the default's time, files grow by a twentieth."""
         return {"pred": "sub", "compression_level": "1"}
 
-    def picture(self, image: Image) -> av.VideoFrame:
+    def picture(self, image: Image) -> VideoFrame:
         """Convert an image to RGB or RGBA of its own depth, big-endian as PNG stores it."""
         formats = {np.uint16: ("rgb48be", "rgba64be"), np.uint8: ("rgb24", "rgba")}[image.dtype.type]
-        return av.VideoFrame.from_ndarray(with_red_and_blue_swapped(image), format=formats[image.shape[2] == 4])
+        return VideoFrame.from_ndarray(with_red_and_blue_swapped(image), format=formats[image.shape[2] == 4])
 
 
 class WebpWriter(AnimationWriter):
@@ -440,9 +441,9 @@ class WebpWriter(AnimationWriter):
         """Return options for encoding without loss in a quarter of the default's time."""
         return {"lossless": "1", "compression_level": "1", "quality": "20"}
 
-    def picture(self, image: Image) -> av.VideoFrame:
+    def picture(self, image: Image) -> VideoFrame:
         """Convert an image to BGRA, which libwebp takes for pictures with alpha and without."""
-        return av.VideoFrame.from_ndarray(image if image.shape[2] == 4 else _with_binary_alpha(image), format="bgra")
+        return VideoFrame.from_ndarray(image if image.shape[2] == 4 else _with_binary_alpha(image), format="bgra")
 
     def finish(self) -> None:
         """Write the end of the animation; with alpha, correct the flags of header and frames in the file.

@@ -5,7 +5,6 @@ from .chunks import CHUNK_FRAMES as CHUNK_FRAMES
 from .chunks import Chunk as Chunk
 from .chunks import complete_chunk as complete_chunk
 from .clip import Clip as Clip
-from .clip import Reading as Reading
 from .clip import TimedPicture as TimedPicture
 from .clip import open as open
 from .clock import TIME_TOLERANCE as TIME_TOLERANCE
@@ -58,6 +57,7 @@ from .pyav import ffmpeg_version as ffmpeg_version
 from .pyav import missing_codecs as missing_codecs
 from .pyav import pulled as pulled
 from .pyav import pyav_version as pyav_version
+from .reading import Reading as Reading
 from .remarks import Remark as Remark
 from .remarks import Remarks as Remarks
 from .remarks import counted as counted

@@ -7,7 +7,7 @@ two of them with the later one.
 
 import re
 
-import av
+from av import VideoFrame
 
 from fpsboost.media.side_data import CAPTIONS, side_data_of
 
@@ -22,7 +22,7 @@ FIRST_SLICE = re.compile(rb"\0?\0\0\x01[\x01-\x05\x21-\x25\x41-\x45\x61-\x65]")
 """Start of a unit of H.264 that holds a part of a picture."""
 
 
-def captions_of(picture: av.VideoFrame) -> bytes:
+def captions_of(picture: VideoFrame) -> bytes:
     """Return the entries of closed captions that a picture carries, three bytes each."""
     return dict(side_data_of(picture)).get(CAPTIONS, b"")
 

@@ -24,11 +24,11 @@ from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.media.captions import with_captions
 from fpsboost.media.errors import OutputError, undone_by
-from fpsboost.media.fitting import Fitting, check_readable, open_muxer
-from fpsboost.media.other_streams import MOVIE_CLOCK, OtherStreams
 from fpsboost.media.pyav import REFUSALS, Packet
 from fpsboost.media.remarks import Remarks
 from fpsboost.media.safe_files import rename_safely, sync
+from fpsboost.media.stream_copier import MOVIE_CLOCK, StreamCopier
+from fpsboost.media.stream_mapping import StreamMapping, check_readable, open_muxer
 from fpsboost.media.traits import VideoTraits
 
 CHUNK_FRAMES = 240
@@ -166,7 +166,7 @@ class Assembly:
         Staged file to write, not the final name.
     template : av.VideoStream
         Stream of an open encoder with the settings of the chunks' encoder.
-    fitting : Fitting
+    mapping : StreamMapping
         Container, and the other streams of the source, if there is one.
     traits : VideoTraits
         Orientation and stereo mode to store in the container.
@@ -176,16 +176,16 @@ class Assembly:
         self,
         path: Path,
         template: av.VideoStream,
-        fitting: Fitting,
+        mapping: StreamMapping,
         traits: VideoTraits,
     ) -> None:
-        output = fitting.output
+        output = mapping.output
         self._path = path
         self._time_base = output.timing.time_base
         self._name = output.path
         self._container = container = output.container
-        self._output: OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
-        self._others: OtherStreams | None = None
+        self._output: OutputContainer | None = open_muxer(path, container, any_codec=mapping.any_codec)
+        self._copier: StreamCopier | None = None
         with undone_by(self.discard):
             self._stream = stream = self._output.add_stream_from_template(template)
             stream.time_base = self._time_base
@@ -193,23 +193,23 @@ class Assembly:
             if traits.display_matrix is not None:
                 stream.set_display_matrix(traits.display_matrix)
             if output.stream.video is not None:
-                self._others = OtherStreams(fitting, output.stream.video, self._output, stream)
+                self._copier = StreamCopier(mapping, output.stream.video, self._output, stream)
                 if traits.stereo_mode:
                     stream.metadata["stereo_mode"] = traits.stereo_mode  # Matroska's and WebM's element
-                if self._others.tags.free_keys:
+                if self._copier.tags.free_keys:
                     self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
             if container.exact_times:
-                clock = MOVIE_CLOCK if self._others is None else self._others.clock
+                clock = MOVIE_CLOCK if self._copier is None else self._copier.clock
                 if output.timing.rate > clock:  # a whole frame could lie behind the end of its rounded edit list
                     clock = self._time_base.denominator
                 self._output.container_options["movie_timescale"] = str(clock)
             self._output.start_encoding()
-            if self._others is not None:
-                self._others.copy_cover()
+            if self._copier is not None:
+                self._copier.copy_cover()
 
     @property
     def remarks(self) -> Remarks:
-        return self._others.remarks if self._others else Remarks()
+        return self._copier.remarks if self._copier else Remarks()
 
     def finish(self, chunks: Sequence[Chunk]) -> None:
         """Mux all chunks and the other streams, close the file, sync it to disk and read it back.
@@ -226,21 +226,21 @@ class Assembly:
                 f"{self._name} was begun by an encoder that works differently; leave `resume` out to start anew."
             )
         end = self._mux(self._output, chunks)
-        if self._others is not None:
-            self._others.finish(end * self._time_base)
+        if self._copier is not None:
+            self._copier.finish(end * self._time_base)
         output = self._output
         self._output = None
         output.close()
         sync(self._path)
-        others = self._others.written.values() if self._others is not None else ()
+        others = self._copier.written.values() if self._copier is not None else ()
         check_readable(self._path, Counter(["video", *others]), self._name)
-        if self._others is not None:
-            self._others.check_labels(self._path)
+        if self._copier is not None:
+            self._copier.check_labels(self._path)
 
     def discard(self) -> None:
         """Close and delete the file; deleted first, so that FFmpeg's muxer does no faststart rewrite on closing."""
-        if self._others is not None:
-            self._others.close()
+        if self._copier is not None:
+            self._copier.close()
         if self._output is None:
             return
         with suppress(OSError):  # Windows cannot remove an open file; its folder is removed later
@@ -266,8 +266,8 @@ class Assembly:
                 # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
                 left = (end_pts - begin[0]) - (dts - begin[1])
                 packet.duration = left if left > 0 else packet.duration
-            if self._others is not None:
-                self._others.copy_until(dts * self._time_base)
+            if self._copier is not None:
+                self._copier.copy_until(dts * self._time_base)
             output.mux(packet)
         if begin is None:
             raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")

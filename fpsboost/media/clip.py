@@ -6,12 +6,12 @@ packet.
 
 import math
 import os
-from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterator
+from dataclasses import replace
 from fractions import Fraction
 from itertools import dropwhile, islice
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import av
 from av.video.reformatter import VideoReformatter
@@ -27,6 +27,7 @@ from fpsboost.media.output import StreamInfo
 from fpsboost.media.pictures import FormatUnifier, Pictures
 from fpsboost.media.pixels import has_alpha
 from fpsboost.media.pyav import as_fraction
+from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import (
     Damage,
     Remarks,
@@ -46,47 +47,6 @@ CHECKED_PICTURES = 2 * MAX_REORDERED
 
 SELF_CONTAINED = {"h264", "hevc", "mpeg1video", "mpeg2video", "mpeg4", "vp8", "vp9", "av1", "ffv1"}
 """Codecs whose decoders give, from a key frame on, the same pictures as by decoding all, or leave out pictures."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a video file is read.
-
-    Parameters
-    ----------
-    stream : int, optional
-        Number of the video stream in its file; by default the one that FFmpeg considers the best.
-    input_fps : Fraction, optional
-        Frames per second of a raw stream, which says none or a wrong one.
-    deinterlace : bool
-        Make two pictures of each, one per field.
-    size_change : {'stop', 'scale'}
-        Where pictures change their size, pixel format or pixel shape, or to or from HDR: raise `InputError`, or make
-        all of them like the first one.
-    keeps_alpha : bool
-        Decode alpha that is stored beside the pictures; otherwise alpha is left out, with a remark.
-    allow_playlists : bool
-        Read playlists, and the files that they name.
-    force_colours : bool
-        Take pictures of Dolby Vision that are no ordinary video for ordinary ones, in wrong colours.
-    end : callable, optional
-        Returns the end of the part that is read, seconds, for a frame rate; what is encrypted behind it is no error.
-    threads : int
-        Threads of the decoder, each of which holds pictures of its own.
-    check_size : callable, optional
-        Called with the name of the file, and width and height of its pictures, before they are decoded; it may raise.
-    """
-
-    stream: int | None = None
-    input_fps: Fraction | None = None
-    deinterlace: bool = False
-    size_change: Literal["stop", "scale"] = "stop"
-    keeps_alpha: bool = True
-    allow_playlists: bool = False
-    force_colours: bool = False
-    end: Callable[[Fraction], Fraction] | None = None
-    threads: int = 1
-    check_size: Callable[[str, int, int], None] = lambda name, width, height: None
 
 
 class TimedPicture(NamedTuple):
@@ -191,20 +151,15 @@ class Clip:
             self._demuxer, start, tick, tick / fields, coded_rate * fields, raw_rate=said_rate if raw else None
         )
         self._check_clear(clear)
-        companions = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
+        auxiliary = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
         self.file = VideoFile(
-            self.path, self._name, stream.index, start, coded_rate, companions, self._reading.allow_playlists
+            self.path, self._name, stream.index, start, coded_rate, auxiliary, self._reading.allow_playlists
         )
-        return ClipInfo(
-            name=self._name,
-            height=height,
-            width=width,
-            rate=self._clock.rate,
-            time_base=self._clock.time_base,
-            frame_count=None if is_fragmented(stream) else fields * stream.frames or None,
-            duration=None if (duration := self._demuxer.duration) is None else duration * tick,
-            mean_rate=None if measured is None else measured.mean_rate * fields,
-        )
+        ticks = self._demuxer.duration
+        count = None if is_fragmented(stream) else fields * stream.frames or None
+        duration = None if ticks is None else ticks * tick
+        mean_rate = None if measured is None else measured.mean_rate * fields
+        return ClipInfo(self._name, height, width, self._clock.rate, self._clock.time_base, count, duration, mean_rate)
 
     def _check_clear(self, clear: Fraction | None) -> None:
         """Raise `EncryptedError` unless the part to be read ends before what is encrypted, after `clear` seconds."""
@@ -403,14 +358,7 @@ class Clip:
 
     def _pictures_from_here(self) -> Pictures:
         """Return the pictures from the current position in the file, with all counters at 0."""
-        return Pictures(
-            self._clock,
-            self._name,
-            deinterlace=self._reading.deinterlace,
-            keeps_alpha=self._reading.keeps_alpha,
-            crop=self._header.crop,
-            remarks=self.remarks,
-        )
+        return Pictures(self._clock, self._name, self._reading, self._header.crop, self.remarks)
 
     def _reopen(self) -> None:
         """Return to the beginning of the file, with a new decoder and all counters at 0."""

@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TypeVar
 
-import av
+from av import VideoFrame
 from av.container import InputContainer
 
 from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
@@ -101,6 +101,11 @@ class Window:
     curve: TimeMap | None = None
     """Map of output times to times of the part; None if it plays at its own speed."""
 
+    @property
+    def reverses(self) -> bool:
+        """Whether the source plays backwards somewhere."""
+        return self.curve is not None and self.curve.reverses
+
     def frames_before(self, rate: Fraction) -> int:
         """Return the number of frames before the part, at a rate."""
         return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
@@ -144,14 +149,14 @@ class VideoClock:
     rate: Fraction
     raw_rate: Fraction | None = None
 
-    def time_of(self, picture: av.VideoFrame, end: Fraction | None, damage: Damage) -> Fraction:
+    def time_of(self, picture: VideoFrame, end: Fraction | None, damage: Damage) -> Fraction:
         """Return when a picture is presented, seconds; without a time of its own, at `end` of the one before."""
         if picture.pts is not None:
             return picture.pts * (as_fraction(picture.time_base) or self.time_base) - self.start
         damage.untimed += 1
         return Fraction(0) if end is None else round(end / self.time_base) * self.time_base
 
-    def duration_of(self, picture: av.VideoFrame) -> Fraction:
+    def duration_of(self, picture: VideoFrame) -> Fraction:
         """Return how long a picture is presented, seconds: its own duration, or one interval of the nominal rate.
 
         FFmpeg's duration of a picture without a time is unreliable, and not used.

@@ -62,7 +62,7 @@ class VideoFile:
     """Time of the file's own clock from which all times are counted, seconds."""
     coded_rate: Fraction
     """Nominal frames per second of the coded pictures; fields made into frames double the source's rate."""
-    companions: Sequence[str]
+    auxiliary_streams: Sequence[str]
     """Kinds of streams beside the pictures: ``sound``, ``subtitles``, both or neither."""
     playlists: bool = False
     """Whether it may be a playlist, for which other files are read."""
@@ -124,7 +124,8 @@ class Demuxer:
             self.stream = choose_video(self.container, self._name, self._wanted)
         # read before decoding: the first picture overwrites them with the tags of the coded stream, even if unspecified
         self.colour_tags = {name: int(getattr(self.stream.codec_context, name)) for name in NO_COLOUR_TAG}
-        self.stream.thread_type, self.stream.thread_count = "AUTO", self._threads
+        self.stream.thread_type = "AUTO"
+        self.stream.thread_count = self._threads
 
     @cached_property
     def duration(self) -> int | None:
@@ -147,8 +148,8 @@ class Demuxer:
         video = self.stream.index
         streams = self.container.streams
         self.clear = None
-        companions = {stream.index for stream in (*streams.audio, *streams.subtitles)}
-        for packet in read_packets(self.container, {video, *companions}, damage):
+        auxiliary = {stream.index for stream in (*streams.audio, *streams.subtitles)}
+        for packet in read_packets(self.container, {video, *auxiliary}, damage):
             time = packet.dts if packet.pts is None else packet.pts
             start, length = ((ticks or 0) * Fraction(packet.time_base or 0) for ticks in (time, packet.duration))
             self.furthest = max(start + length, self.furthest)

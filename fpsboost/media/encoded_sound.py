@@ -268,7 +268,8 @@ class EncodedSound:
             if left > 0:
                 latest = self._latest
                 self._latest = _slice_samples(frame, 0, min(left, frame.samples))
-                self._latest.pts, self._latest.time_base = self._next_pts, Fraction(1, self._rate)
+                self._latest.pts = self._next_pts
+                self._latest.time_base = Fraction(1, self._rate)
                 self._next_pts += self._latest.samples
                 self._output.mux([] if latest is None else self.stream.encode(latest))
         if end is not None and self._latest is not None and self._next_pts is not None and self._next_pts > end:
@@ -319,17 +320,14 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> Graph:
     stages = math.ceil(abs(math.log2(stretch)) - 1e-9)
     tempo = min(2.0, max(0.5, float(1 / stretch) ** (1 / max(1, stages))))
     graph = Graph()
-    nodes = [
-        graph.add_abuffer(sample_rate=rate, format=source[1], layout=source[2], time_base=Fraction(1, rate)),
-        *([graph.add("adelay", f"delays={lead}S:all=1")] if lead else []),
-        graph.add("apad", f"pad_len={round(FLUSH_SILENCE * max(Fraction(1), 1 / stretch) * rate)}"),
-        *(graph.add("atempo", repr(tempo)) for _ in range(stages)),
-        # downmixing must not clip
-        graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)),
-        graph.add("atrim", f"start_sample={round(Fraction(lead * target[0], rate))}"),
-        graph.add("abuffersink"),
-    ]
-    graph.link_nodes(*nodes).configure()
+    nodes = [graph.add_abuffer(sample_rate=rate, format=source[1], layout=source[2], time_base=Fraction(1, rate))]
+    if lead:
+        nodes.append(graph.add("adelay", f"delays={lead}S:all=1"))
+    nodes.append(graph.add("apad", f"pad_len={round(FLUSH_SILENCE * max(Fraction(1), 1 / stretch) * rate)}"))
+    nodes += [graph.add("atempo", repr(tempo)) for _ in range(stages)]
+    nodes.append(graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)))  # must not clip
+    nodes.append(graph.add("atrim", f"start_sample={round(Fraction(lead * target[0], rate))}"))
+    graph.link_nodes(*nodes, graph.add("abuffersink")).configure()
     return graph
 
 

@@ -18,7 +18,7 @@ from io import BytesIO
 from pathlib import Path
 
 import av
-from av import VideoFormat, VideoFrame, VideoStream
+from av import Codec, VideoCodecContext, VideoFormat, VideoFrame, VideoStream
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
 from av.container import OutputContainer
 from av.error import FFmpegError
@@ -100,8 +100,8 @@ class VideoEncoder:
     def _kept_side_data(self, traits: VideoTraits) -> set[str]:
         """Return the types of side data that the output keeps; x264 writes the stereo mode of pictures."""
         is_passed = self._encoder == "libx264" and not _is_rgb(traits.pixel_format)
-        curve = self._output.curve
-        plays_backwards = curve is not None and curve.reverses
+        window = self._output.window
+        plays_backwards = window is not None and window.reverses
         kept = {CAPTIONS} if self._encoder in CAPTIONED and not plays_backwards else set()
         if traits.stereo_mode and self._output.container.matroska_elements:
             kept.add("STEREO3D")
@@ -185,14 +185,14 @@ class VideoEncoder:
         self._tag_colours(context, self.traits)
         if self.traits.sample_aspect_ratio is not None:
             context.sample_aspect_ratio = self.traits.sample_aspect_ratio
-        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._output.container.exact_times:
+        if Codec(self._encoder, "w").canonical_name == "hevc" and self._output.container.exact_times:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players accept
         context.options = {**self._options, "a53cc": "0"}  # the writer writes captions
         self._open_encoder(context)
         self._null_output.start_encoding()  # only this copies the encoder's parameters to the stream
         return stream
 
-    def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
+    def _tag_colours(self, context: VideoCodecContext, traits: VideoTraits) -> None:
         """Set the colour tags to those of the source, or to those that the pixel format requires."""
         context.color_primaries = traits.color_primaries
         context.color_trc = traits.color_transfer
@@ -214,7 +214,7 @@ class VideoEncoder:
         if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # as decoders of gray PNG tag it
             context.colorspace = traits.color_space
 
-    def _open_encoder(self, context: av.VideoCodecContext) -> None:
+    def _open_encoder(self, context: VideoCodecContext) -> None:
         """Open the encoder; if FFmpeg refuses, raise `OutputError` with size, rate and pixel format."""
         try:
             with undisturbed():
@@ -222,7 +222,7 @@ class VideoEncoder:
         except FFmpegError:
             given = " ".join(f"{name}={value}" for name, value in self._output.encoding.encoder_options)
             check = f"check `encoder_options={given}`, or " if given else ""
-            is_hardware = av.Codec(self._encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid)
+            is_hardware = Codec(self._encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid)
             missing = ", and its device or driver may be missing here" if is_hardware else ""
             info = self._output.info
             raise OutputError(
@@ -331,7 +331,7 @@ def choose_pixel_format(remarks: Remarks, output: Output, encoder: str, source: 
     encoding = output.encoding
     container = output.container
     of_images = output.stream.traits is None
-    codec = av.Codec(encoder, "w")
+    codec = Codec(encoder, "w")
     offered = pixel_formats(codec)
     wanted = encoding.pixel_format or source
     if not offered:

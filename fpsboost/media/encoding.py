@@ -4,8 +4,8 @@ from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-import av
 import cv2
+from av import Codec, VideoFormat
 from av.codec.context import OptionFlags
 
 from fpsboost.media.containers import Container
@@ -35,13 +35,14 @@ THREADS_FOR_LARGE_PICTURES = 6
 """Threads of an encoder of large pictures: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
 
 X264_OPTIONS = (
-    # Threads that share a picture, PyAV's default, cost bits by their slices.
     ("thread_type", "frame"),
-    *(("x264-params", entry) for entry in repeatable_parameters),
-    # Without a thread of its own for the look-ahead, x264 keeps 5 pictures less, 100 MB at 3840x2160, and makes the
-    # same stream but with a bounded rate.
-    ("x264-params", "sync-lookahead=0"),
+    *(("x264-params", entry) for entry in (*repeatable_parameters, "sync-lookahead=0")),
 )
+"""Options of x264 that make its packets the same on any number of cores.
+
+Threads that share a picture, PyAV's default, cost bits by their slices. Without a thread of its own for the look-ahead,
+x264 keeps 5 pictures less, 100 MB at 3840x2160, and makes the same stream but with a bounded rate.
+"""
 
 X26X_PRESETS: tuple[str, ...] = ("ultrafast", "superfast", "veryfast", "faster", "fast")
 X26X_PRESETS += ("medium", "slow", "slower", "veryslow", "placebo")
@@ -150,11 +151,11 @@ def default_codec(container: Container, pixel_format: str = "yuv420p", source_co
 def depth_of(pixel_format: str) -> int:
     """Return the bits per sample of a pixel format, or 8 if FFmpeg does not know it."""
     with suppress(ValueError):
-        return max((component.bits for component in av.VideoFormat(pixel_format).components), default=8)
+        return max((component.bits for component in VideoFormat(pixel_format).components), default=8)
     return 8
 
 
-def find_encoder(name: str, kind: str) -> av.Codec | None:
+def find_encoder(name: str, kind: str) -> Codec | None:
     """Return the encoder with this very name for ``video`` or ``audio``, or None if FFmpeg has none here."""
     codec = find_codec(name, "w")
     return codec if codec is not None and (codec.type, codec.name) == (kind, name) else None
@@ -201,7 +202,7 @@ def choose_encoder(output: Output, traits: VideoTraits | None = None) -> tuple[s
     return encoder.name, _merged_options(options, (*more, *encoding.encoder_options))
 
 
-def _check_encoder_options(codec: av.Codec, encoding: EncodeSettings) -> None:
+def _check_encoder_options(codec: Codec, encoding: EncodeSettings) -> None:
     """Raise `OptionError` unless an encoder knows the options of its own that were asked for."""
     if not encoding.encoder_options:  # listing them takes milliseconds
         return
@@ -248,7 +249,7 @@ def _options_of_known(known: Encoder, asked: str, encoding: EncodeSettings) -> d
     return options if says_another_aim else {**options, "crf": str(crf)}
 
 
-def _options_of_other(codec: av.Codec, encoding: EncodeSettings) -> dict[str, str]:
+def _options_of_other(codec: Codec, encoding: EncodeSettings) -> dict[str, str]:
     """Return the options for an encoder outside the table; raise `OptionError` if it does not know one."""
     known = private_options(codec)
     options = {}
@@ -288,19 +289,19 @@ def _merged_options(options: dict[str, str], more: Sequence[tuple[str, str]]) ->
     return result
 
 
-def private_options(codec: av.Codec) -> set[str]:
+def private_options(codec: Codec) -> set[str]:
     """Return the names of the private options of an encoder."""
     return {option.name for option in codec.create("video").supported_options.private}
 
 
-def pixel_formats(codec: av.Codec) -> list[str]:
+def pixel_formats(codec: Codec) -> list[str]:
     """Return the pixel formats in memory that an encoder accepts, or an empty list if it does not list any."""
     names = [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
     opened = encoder_of(codec.name).alpha_formats
     return names if opened is None else [name for name in names if name in opened or not has_alpha(name)]
 
 
-def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
+def _check_pixel_format(codec: Codec, asked: str | None) -> None:
     """Raise `OptionError` unless an encoder accepts a pixel format, if one was asked for."""
     if asked is None:
         return
@@ -308,7 +309,7 @@ def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
     if taken and asked not in taken:
         raise OptionError(f"{codec.name} does not take `pixel_format={asked!r}`; {choose_one(asked, taken)}")
     try:
-        av.VideoFormat(asked)
+        VideoFormat(asked)
     except ValueError:
         raise OptionError(f"`pixel_format={asked!r}` is no pixel format of FFmpeg; use one such as yuv420p.") from None
 

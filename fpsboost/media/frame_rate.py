@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
-import av
+from av import VideoStream
 
 from fpsboost.media.info import MAX_DISPLAY_RATE, is_implausible
 from fpsboost.media.pyav import as_fraction
@@ -74,7 +74,7 @@ class MeasuredRate:
         return missed * self.count < MAX_DRIFT if self.is_constant else missed < Fraction(1, 100)
 
 
-def nominal_rate(stream: av.VideoStream, measured: MeasuredRate | None, *, raw: bool = False) -> tuple[Fraction, bool]:
+def nominal_rate(stream: VideoStream, measured: MeasuredRate | None, *, raw: bool = False) -> tuple[Fraction, bool]:
     """Return the frame rate of a stream, or its most frequent rate if it varies, and whether it is known.
 
     Of the rates that agree with the presentation times, the declared rate is chosen, else a standard rate, else the
@@ -126,11 +126,8 @@ def measure_rate(times: Sequence[int], tick: Fraction) -> MeasuredRate | None:
         abs(after - middle) <= margin < abs(before - middle) for before, after in pairwise([middle, *intervals])
     )
     jitter = max(1, statistics.median_high([abs(interval - middle) for interval in usual]))
-    return MeasuredRate(
-        interval=Fraction(sum(usual), len(usual)) * tick,
-        error=Fraction(rows * jitter, len(usual)) * tick,
-        count=len(usual),
-        is_constant=len(usual) >= MIN_USUAL_SHARE * len(intervals),
-        mean_rate=len(intervals) / (sum(intervals) * tick),
-        tick=tick,
-    )
+    interval = Fraction(sum(usual), len(usual)) * tick
+    error = Fraction(rows * jitter, len(usual)) * tick
+    is_constant = len(usual) >= MIN_USUAL_SHARE * len(intervals)
+    mean_rate = len(intervals) / (sum(intervals) * tick)
+    return MeasuredRate(interval, error, len(usual), is_constant, mean_rate, tick)

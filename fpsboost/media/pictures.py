@@ -22,13 +22,14 @@ from fpsboost.media.pixels import (
     is_full_range,
 )
 from fpsboost.media.pyav import REFUSALS, as_fraction
+from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import Damage, Remarks, counted
 from fpsboost.media.reorder_buffer import ReorderBuffer
 from fpsboost.media.side_data import Crop
 from fpsboost.media.traits import VideoTraits, primaries, tag_name, transfers
 
 MAX_SQUEEZE = Fraction(1, 50)
-"""Difference of the shapes of pictures that scaling ignores: 1088 rows for 1080, pixels of 59:54 for 16:15."""
+"""Relative difference in aspect ratio that is treated as equal: 1088 rows and 1080, pixels of 59:54 and 16:15."""
 
 REPEATED_HALVES = (3, 4, 6)
 """Length of a picture, in halves of a frame, of which a field is repeated, or which is shown two or three times."""
@@ -54,10 +55,9 @@ class Pictures(Iterator[VideoFrame]):
         Clock and file of the stream.
     name : str
         The file in messages.
-    deinterlace : bool
-        Make two pictures of each, one per field.
-    keeps_alpha : bool
-        Decode alpha that is stored beside the pictures (VP8, VP9); otherwise it is left out, with a remark.
+    reading : Reading
+        Whether two pictures are made of each, and whether alpha that is stored beside the pictures (VP8, VP9) is
+        decoded; otherwise it is left out, with a remark.
     crop : Crop or None
         Margins to cut off, as the container asks for.
     remarks : Remarks
@@ -68,9 +68,7 @@ class Pictures(Iterator[VideoFrame]):
         self,
         clock: VideoClock,
         name: str,
-        *,
-        deinterlace: bool,
-        keeps_alpha: bool,
+        reading: Reading,
         crop: Crop | None,
         remarks: Remarks,
     ) -> None:
@@ -80,10 +78,14 @@ class Pictures(Iterator[VideoFrame]):
         self._raw_rate = clock.raw_rate
         self._name = name
         self._remarks = remarks
-        self._deinterlaced = deinterlace
+        self._deinterlaced = reading.deinterlace
         stream = clock.file.stream
         self._says_alpha = stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
-        hidden = decoders_of_hidden_alpha.get(stream.codec_context.name) if self._says_alpha and keeps_alpha else None
+        hidden = (
+            decoders_of_hidden_alpha.get(stream.codec_context.name)
+            if self._says_alpha and reading.keeps_alpha
+            else None
+        )
         self._decoder = stream.codec_context
         if hidden is not None:
             self._says_alpha = False
@@ -95,7 +97,7 @@ class Pictures(Iterator[VideoFrame]):
         self._palette_format = ""
         self._coded = self._decode()
         self._presented: Iterator[VideoFrame] = self._coded
-        if deinterlace:
+        if reading.deinterlace:
             self._presented = frames_of_fields(self._presented, clock.tick, name)
         if crop is not None:
             self._presented = cropped(self._presented, crop, clock.tick, name)
@@ -231,7 +233,8 @@ class FormatUnifier:
         self._name = name
         self.traits = traits
         self._stops = stops
-        self._width, self._height, self._aspect = *size, aspect
+        self._width, self._height = size
+        self._aspect = aspect
         self._graphs = FilterGraphs(Fraction(1, 1000))
         self._reshaped = self._recoded = self._retagged = 0
         self._change = self._new_colours = self._recoding = ""

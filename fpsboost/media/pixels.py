@@ -32,14 +32,8 @@ ProRes has 0 for unspecified colours; as the matrix of RGB it is a tag.
 SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
 """Bicubic, accurate rounding, full chroma interpolation and input; without them chroma is off by half a level."""
 
-chroma_locations = {
-    (0.0, 0.5): "left",
-    (0.5, 0.5): "center",
-    (0.0, 0.0): "topleft",
-    (0.5, 0.0): "top",
-    (0.0, 1.0): "bottomleft",
-    (0.5, 1.0): "bottom",
-}
+chroma_locations = {(0.0, 0.5): "left", (0.5, 0.5): "center", (0.0, 0.0): "topleft", (0.5, 0.0): "top"}
+chroma_locations |= {(0.0, 1.0): "bottomleft", (0.5, 1.0): "bottom"}
 """FFmpeg's names by the offset of a chroma sample to the right of and below the first luma sample, pixels."""
 
 

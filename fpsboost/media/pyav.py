@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeAlias
 
 import av
 from av.codec.codec import UnknownCodecError
+from av.stream import Stream
 
 REFUSALS = (av.error.FFmpegError, ValueError)
 """Exceptions that tell that FFmpeg refuses something: its own, and PyAV's where it does not know a value."""
@@ -57,6 +58,16 @@ def trial_file() -> Iterator[Path]:
     """Yield the path of a file for a trial; from PyAV's calls of a file object no KeyboardInterrupt comes through."""
     with TemporaryDirectory() as folder:
         yield Path(folder) / "trial"
+
+
+def packet_of(data: bytes, stream: Stream, time_base: Fraction, begin: int, duration: int) -> Packet:
+    """Return a packet of a stream that begins at a time, and lasts, in ticks of a time base."""
+    packet: Packet = av.Packet(data)
+    packet.stream = stream
+    packet.time_base = time_base
+    packet.pts = packet.dts = begin
+    packet.duration = duration
+    return packet
 
 
 def printable(tags: Mapping[str, str]) -> dict[str, str]:

@@ -61,13 +61,9 @@ _APPLE = "47564adc5c4c433f94efc5113cd143a8"
 encoder_notes = [bytes.fromhex(identifier) for identifier in (_X264, _X265, _APPLE)]
 """Identifiers of user data that describes the coding alone."""
 
-stereo_modes = {
-    1: ("left_right", "right_left"),
-    2: ("top_bottom", "bottom_top"),
-    4: ("checkerboard_lr", "checkerboard_rl"),
-    6: ("row_interleaved_lr", "row_interleaved_rl"),
-    7: ("col_interleaved_lr", "col_interleaved_rl"),
-}
+stereo_modes = {1: ("left_right", "right_left"), 2: ("top_bottom", "bottom_top")}
+stereo_modes |= {4: ("checkerboard_lr", "checkerboard_rl"), 6: ("row_interleaved_lr", "row_interleaved_rl")}
+stereo_modes |= {7: ("col_interleaved_lr", "col_interleaved_rl")}
 """Matroska's names by FFmpeg's AVStereo3DType, with the left view first and with the right one."""
 
 # of AVStereo3DType, AVSphericalProjection and ETSI TS 101 154

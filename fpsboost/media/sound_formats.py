@@ -7,8 +7,7 @@ from fractions import Fraction
 from operator import attrgetter
 from typing import Any
 
-import av.container
-import av.filter
+from av import AudioFormat, AudioLayout, Codec, CodecContext
 
 from fpsboost.media.encoding import find_encoder
 from fpsboost.media.errors import OptionError
@@ -58,22 +57,22 @@ def traits_for(encoder: str, source: Traits) -> Traits:
     These are the next higher rate, the standard layout of as many channels or else stereo, and a format with at least
     the source's bits, or floats for a lossy encoder, which do not clip.
     """
-    codec = av.Codec(encoder, "w")
+    codec = Codec(encoder, "w")
     rates: Collection[int] = codec.audio_rates or ()
     rate = min((higher for higher in rates if higher >= source[0]), default=max(rates, default=source[0]))
-    offered = codec.audio_formats or [av.AudioFormat(source[1])]
+    offered = codec.audio_formats or [AudioFormat(source[1])]
     if codec.lossy:
         offered = [format for format in offered if format.name.startswith("flt")] or offered
     size = attrgetter("bytes")
-    enough = [format for format in offered if format.bytes >= av.AudioFormat(source[1]).bytes]
+    enough = [format for format in offered if format.bytes >= AudioFormat(source[1]).bytes]
     format = str((min(enough, key=size) if enough else max(offered, key=size)).name)
     target = OPUS_SAMPLE_RATE if codec.canonical_name == "opus" else rate, format
-    channels = av.AudioLayout(source[2]).nb_channels
+    channels = AudioLayout(source[2]).nb_channels
     layouts = (source[2], *STANDARD_LAYOUTS[channels - 1 : channels])
     return *target, next((name for name in layouts if _takes(encoder, (*target, name))), "stereo")
 
 
-def named_layout(layout: av.AudioLayout) -> str:
+def named_layout(layout: AudioLayout) -> str:
     """Return the name of a layout; of one that gives only the number of channels, that of the standard layout."""
     says_nothing = layout.name.endswith(("channels", "channel")) and layout.nb_channels <= len(STANDARD_LAYOUTS)
     return STANDARD_LAYOUTS[layout.nb_channels - 1] if says_nothing else layout.name
@@ -81,13 +80,13 @@ def named_layout(layout: av.AudioLayout) -> str:
 
 def is_lossless(encoder: str) -> bool:
     """Return whether an encoder has no lossy mode."""
-    codec = av.Codec(encoder, "w")
+    codec = Codec(encoder, "w")
     return codec.lossless and not codec.lossy
 
 
 def _takes(encoder: str, traits: Traits) -> bool:
     """Return whether an encoder opens with this sample rate, format and layout."""
-    context: Any = av.CodecContext.create(encoder, "w")
+    context: Any = CodecContext.create(encoder, "w")
     try:
         context.sample_rate, context.format, context.layout = traits
         context.time_base = Fraction(1, traits[0])

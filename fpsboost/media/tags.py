@@ -29,16 +29,8 @@ FILE_SPECIFIC_TAGS |= {"totalduration", "bytelength", "lasttimestamp", "lastkeyf
 FILE_SPECIFIC_TAGS |= {"videodatarate", "audiodatarate", "vbr peak"}
 """Tags about the making, sizes and durations of the source file, which do not describe its content."""
 
-STREAM_SPECIFIC_TAG_PREFIXES: tuple[str, ...] = (
-    "encoder",
-    "duration",
-    "vendor_id",
-    "rotate",
-    "timecode",
-    "alpha_mode",
-    "number_of",
-)
-STREAM_SPECIFIC_TAG_PREFIXES += ("bps", "_statistics")
+STREAM_SPECIFIC_TAG_PREFIXES: tuple[str, ...] = ("encoder", "duration", "vendor_id", "rotate", "timecode")
+STREAM_SPECIFIC_TAG_PREFIXES += ("alpha_mode", "number_of", "bps", "_statistics")
 """Prefixes of such tags of a stream."""
 
 UNSET_CREATION_TIMES = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")

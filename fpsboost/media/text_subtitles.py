@@ -15,7 +15,7 @@ from av.subtitles.subtitle import SubtitleSet
 
 from fpsboost.media.containers import MATROSKA_TICK, Container
 from fpsboost.media.demuxer import is_encrypted
-from fpsboost.media.pyav import Packet
+from fpsboost.media.pyav import Packet, packet_of
 
 MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
 
@@ -81,23 +81,15 @@ class TextConverter:
         if not shown:
             return []
         begin = round(Fraction(shown.pts, av.time_base) / Fraction(packet.time_base)) if self._is_late else pts
-        cue: Packet = av.Packet(b"\n".join(line.ass for line in shown))
-        cue.stream = packet.stream
-        cue.time_base = packet.time_base
-        cue.pts = begin
-        cue.dts = begin
-        cue.duration = (pts if self._is_late else self._end) - begin
-        return [cue]
+        lines = b"\n".join(line.ass for line in shown)
+        end = pts if self._is_late else self._end
+        return [packet_of(lines, packet.stream, packet.time_base, begin, end - begin)]
 
     def last_cues(self) -> list[Packet]:
         """Return the closed captions still on screen after the last packet, by decoding an erase command."""
         if not self._is_late:
             return []
-        packet: Packet = av.Packet(ERASE_CAPTIONS)
-        packet.stream = self._source
-        packet.time_base = self._source.time_base
-        packet.pts = self._end
-        return self.cues(packet)
+        return self.cues(packet_of(ERASE_CAPTIONS, self._source, self._source.time_base, self._end, 0))
 
     def take(self, packet: Packet) -> list[Packet]:
         """Add a cue of `cues`; return the packets in the target format that are complete with it."""

@@ -27,7 +27,6 @@ from fpsboost.media.clock import Window
 from fpsboost.media.encoder import VideoEncoder
 from fpsboost.media.encoding import choose_encoder
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
-from fpsboost.media.fitting import fit_streams
 from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
@@ -42,6 +41,7 @@ from fpsboost.media.staging import (
     complete_already,
     hidden_place,
 )
+from fpsboost.media.stream_mapping import map_streams
 from fpsboost.media.traits import VideoTraits
 
 
@@ -73,11 +73,14 @@ class Writer(StagedSink):
     """The encoder, open once the writer is entered; of images, which have no traits before, when it is started."""
 
     def __init__(self, output: Output, unfinished: StagingDirectory, folder: Path, chunk_frames: int) -> None:
-        self._output, self._name, self._chunk_frames = output, unfinished.name, chunk_frames
-        self._unfinished, self._folder = unfinished, folder
+        self._output = output
+        self._name = unfinished.name
+        self._chunk_frames = chunk_frames
+        self._unfinished = unfinished
+        self._folder = folder
         # what the container cannot hold is known before any picture is encoded
         encoder, _ = choose_encoder(output, output.stream.traits)
-        self._fitting = fit_streams(output, encoder)
+        self._mapping = map_streams(output, encoder)
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._writer: ChunkWriter | None = None
@@ -165,7 +168,9 @@ class Writer(StagedSink):
         OutputError
             Two pictures have the same time, or encoding or writing fails.
         """
-        name, time_base, encoder = self._output.path, self._output.timing.time_base, self.encoder
+        name = self._output.path
+        time_base = self._output.timing.time_base
+        encoder = self.encoder
         assert encoder is not None
         with self._explained():
             pts = round(time / time_base)
@@ -192,7 +197,8 @@ class Writer(StagedSink):
 
     def _like_encoded(self, picture: VideoFrame, encoder: VideoEncoder) -> VideoFrame:
         """Return a picture in the size and pixel format that the encoder takes; itself if it has both."""
-        size, pixel_format = (self._output.info.width, self._output.info.height), encoder.pixel_format
+        size = self._output.info.width, self._output.info.height
+        pixel_format = encoder.pixel_format
         if (picture.width, picture.height) == size and picture.format.name == pixel_format:
             return picture
         traits = replace(encoder.traits, pixel_format=pixel_format, full_range=encoder.full_range)
@@ -220,7 +226,8 @@ class Writer(StagedSink):
         if self._writer is not None and self.encoder is not None:
             self._keep(self._writer, self.encoder.finish())
             self._chunks.append(self._writer.finish(self._frames_in_chunk))
-            self._writer, self._frames_in_chunk = None, 0
+            self._writer = None
+            self._frames_in_chunk = 0
 
     def _keep(self, writer: ChunkWriter, packets: Iterable[Packet]) -> None:
         """Append packets to the chunk, each with the duration and the closed captions of its frame."""
@@ -250,7 +257,8 @@ class FileWriter(Writer):
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        self._path, files = Path(output.path), output.stream.files
+        self._path = Path(output.path)
+        files = output.stream.files
         UnfinishedOutput(self._path).discard_published()
         place = hidden_place(self._path.parent, self._path.name)
         unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", output.path, output.job)
@@ -277,7 +285,7 @@ class FileWriter(Writer):
 
     def _begin(self, template: VideoStream, traits: VideoTraits) -> None:
         """Write the header of the output file."""
-        self._assembly = Assembly(self._unfinished.staged, template, self._fitting, traits)
+        self._assembly = Assembly(self._unfinished.staged, template, self._mapping, traits)
 
     def _finish(self) -> None:
         """Mux all chunks and the other streams, and rename the file; `OutputError` if there was no frame."""
@@ -369,12 +377,12 @@ def try_out(output: Output) -> tuple[list[str], list[Remark]]:
     """
     traits = output.stream.traits
     name, _ = choose_encoder(output, traits)
-    fitting = fit_streams(output, name)
+    mapping = map_streams(output, name)
     if traits is None:
         return [], []
     encoder = VideoEncoder(output, traits)
     with explained_writing(output.path), trial_file() as path, contextlib.closing(encoder):
-        header = Assembly(path, encoder.stream, fitting, traits)
+        header = Assembly(path, encoder.stream, mapping, traits)
         header.discard()
         return [name, encoder.pixel_format], [*encoder.remarks, *header.remarks]
 
@@ -389,11 +397,10 @@ def explained_writing(name: str) -> Iterator[None]:
         raise OutputError(f"{name} {_reasons.get(error.errno or 0, other)}") from error
 
 
-_reasons = {
+_reasons = dict.fromkeys((errno.EACCES, errno.EPERM), "may not be written; check the permissions of its folder.")
+_reasons |= {
     errno.ENOSPC: "could not be finished because the disk is full; free some space and run again.",
     errno.EDQUOT: "could not be finished because the disk quota is used up; free some space and run again.",
-    errno.EACCES: "may not be written; check the permissions of its folder.",
-    errno.EPERM: "may not be written; check the permissions of its folder.",
     errno.EROFS: "lies on a read-only disk; choose another folder.",
     errno.EFBIG: "grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
 }

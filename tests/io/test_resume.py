@@ -132,7 +132,7 @@ def contents(path: Path) -> tuple[Any, ...]:
     pictures = pictures_of(path)
     samples = [[plane.tobytes() for plane in samples_of(picture)] for picture in pictures]
     times = [(picture.pts, picture.duration, picture.time_base) for picture in pictures]
-    with_sound = VideoSource(path).file.companions == ["sound"]
+    with_sound = VideoSource(path).file.auxiliary_streams == ["sound"]
     return packets_of(path, "video"), samples, times, packets_of(path, "audio") if with_sound else None
 
 

@@ -297,21 +297,18 @@ def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
     """Return a video's colours as metadata of PNG: cICP, mDCV and cLLI; an unknown part of mDCV is 0."""
     display = traits.mastering_display
     light = traits.light_level
-    mastering = b""
+    chunks: list[tuple[bytes, bytes]] = []
+    if traits.code_points != (UNSPECIFIED, UNSPECIFIED):
+        chunks.append((b"cICP", bytes((*traits.code_points, 0, 1))))  # RGB of full range
     if display is not None:
         points = display.colours or [(0, 0)] * 4
         numbers = [50_000 * part for point in points for part in point]
         numbers += [10_000 * (limit or 0) for limit in (display.brightest, display.darkest)]
-        mastering = struct.pack(">8H2I", *map(round, numbers))
-    is_tagged = traits.code_points != (UNSPECIFIED, UNSPECIFIED)
-    chunks = {  # empty for what the video does not say
-        b"cICP": bytes((*traits.code_points, 0, 1)) if is_tagged else b"",  # RGB of full range
-        b"mDCV": mastering,
-        b"cLLI": b""
-        if light is None
-        else struct.pack(">2I", light.brightest_pixel * 10_000, light.brightest_frame * 10_000),
-    }
-    return ImageMetadata(chunks=tuple((name, data) for name, data in chunks.items() if data))
+        chunks.append((b"mDCV", struct.pack(">8H2I", *map(round, numbers))))
+    if light is not None:
+        levels = struct.pack(">2I", light.brightest_pixel * 10_000, light.brightest_frame * 10_000)
+        chunks.append((b"cLLI", levels))
+    return ImageMetadata(chunks=tuple(chunks))
 
 
 class ImageEncoder:

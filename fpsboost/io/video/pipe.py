@@ -14,6 +14,7 @@ from typing import Any, BinaryIO, Self
 
 import av
 import numpy as np
+from av import VideoFormat, VideoFrame, VideoStream
 from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
 
@@ -39,17 +40,10 @@ from fpsboost.remarks import Remarks
 
 DEPTHS = (9, 10, 12, 14, 16)
 
-formats: dict[str, str] = {
-    "420jpeg": "yuv420p",
-    "420mpeg2": "yuv420p",
-    "420paldv": "yuv420p",
-    "411": "yuv411p",
-    "422": "yuv422p",
-    "444": "yuv444p",
-    "mono": "gray",
-    **{f"{chroma}p{bits}": f"yuv{chroma}p{bits}le" for chroma in ("420", "422", "444") for bits in DEPTHS},
-    **{f"mono{bits}": f"gray{bits}le" for bits in DEPTHS if bits != 14},
-}
+formats = {"420jpeg": "yuv420p", "420mpeg2": "yuv420p", "420paldv": "yuv420p"}
+formats |= {"411": "yuv411p", "422": "yuv422p", "444": "yuv444p", "mono": "gray"}
+formats |= {f"{chroma}p{bits}": f"yuv{chroma}p{bits}le" for chroma in ("420", "422", "444") for bits in DEPTHS}
+formats |= {f"mono{bits}": f"gray{bits}le" for bits in DEPTHS if bits != 14}
 """FFmpeg's pixel format by the name that the first line of a stream gives it."""
 
 chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "topleft"}
@@ -140,14 +134,14 @@ class PipeSource(ReadInOrder):
         """Close FFmpeg's demuxer; the stream belongs to the process or to the caller, and stays open."""
         self._container.close()
 
-    def _decoded(self, video: av.VideoStream) -> Iterator[av.VideoFrame]:
+    def _decoded(self, video: VideoStream) -> Iterator[VideoFrame]:
         """Yield decoded pictures, and keep in `_end` the stream position behind the last packet."""
         for packet in self._container.demux(video):
             if packet.pos is not None and packet.size:
                 self._end = packet.pos + packet.size
             yield from packet.decode()
 
-    def _frames(self, picture: av.VideoFrame | None) -> Iterator[Frame]:
+    def _frames(self, picture: VideoFrame | None) -> Iterator[Frame]:
         """Yield the frames, numbered from 0 at the rate of the header; remark on a last frame that is cut off."""
         number = 0
         while picture is not None:
@@ -214,7 +208,7 @@ class PipeSink:
         self._count = 0
         if output.stream.video is not None:
             wanted = {"sound": encoding.audio, "subtitles": encoding.subtitles}
-            lost = [kind for kind in output.stream.video.companions if wanted[kind]]
+            lost = [kind for kind in output.stream.video.auxiliary_streams if wanted[kind]]
             if lost:
                 name = output.stream.video.name
                 self.remarks.add("beside-left-out", name=name, what=" and ".join(lost), target="YUV4MPEG2")
@@ -266,7 +260,7 @@ class PipeSink:
         """
         stream = self._output.stream
         traits = stream.traits or _traits_of_images(image)
-        is_rgb = av.VideoFormat(traits.pixel_format).is_rgb
+        is_rgb = VideoFormat(traits.pixel_format).is_rgb
         full_range = traits.full_range and not is_rgb
         says_range = is_rgb or traits.full_range or traits.color_range != 0
         pixel_format = self._output.encoding.pixel_format or self._nearest(traits.pixel_format)

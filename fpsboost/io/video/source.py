@@ -91,7 +91,7 @@ class VideoSource(Clip):
                 self.info = replace(self.info, width=self.info.height, height=self.info.width)
             # PNG keeps the mastering metadata, and the sinks of other formats report its loss themselves
             sides = dict.fromkeys(word for word in traits.side_data.values() if word != MASTERING)
-            lost = [*self.file.companions, *sides]
+            lost = [*self.file.auxiliary_streams, *sides]
             if lost:
                 self.remarks.add("beside-left-out", name=self.info.name, what=" and ".join(lost), target="images")
             if traits.sample_aspect_ratio not in (None, 1):

@@ -207,13 +207,10 @@ def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, k
         keeps_levels = full_range or is_gray(original.format) == is_gray(target)
         if not has_rgb and keeps_levels and is_full_range(original) == full_range:
             return reformatted(original, reformatter, pixel_format, full_range)
+    bgr = view(image).to_bgr()
+    location = coding.chroma_location
     return from_bgr(
-        view(image).to_bgr(),
-        pixel_format,
-        coding.color_space,
-        full_range,
-        chroma_location=coding.chroma_location,
-        reformatter=reformatter,
+        bgr, pixel_format, coding.color_space, full_range, chroma_location=location, reformatter=reformatter
     )
 
 

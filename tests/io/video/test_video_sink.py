@@ -1,4 +1,4 @@
-"""VideoSink: exact times, untouched companions, whole files or none."""
+"""VideoSink: exact times, untouched auxiliary streams, whole files or none."""
 
 import itertools
 import re

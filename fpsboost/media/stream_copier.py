@@ -13,9 +13,8 @@ from fractions import Fraction
 from heapq import merge
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
-import av
+from av import VideoStream
 from av.container import InputContainer, OutputContainer
 from av.error import FFmpegError
 from av.stream import Discard, Disposition, Stream
@@ -25,9 +24,18 @@ from fpsboost.media.containers import containers_by_suffix
 from fpsboost.media.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
 from fpsboost.media.encoded_sound import EncodedSound
 from fpsboost.media.errors import EncryptedError
-from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
-from fpsboost.media.pyav import Packet, open_input, printable
+from fpsboost.media.pyav import Packet, open_input
 from fpsboost.media.remarks import Damage, Remarks, counted, encrypted_stream_sentence
+from fpsboost.media.stream_mapping import (
+    StreamMapping,
+    add_copied,
+    codec_of,
+    fits,
+    is_text,
+    is_wanted,
+    keeps_data,
+    kind_of,
+)
 from fpsboost.media.tags import (
     copy_labels,
     find_timecode,
@@ -40,6 +48,7 @@ from fpsboost.media.tags import (
     unread_of_chapters,
 )
 from fpsboost.media.text_subtitles import MAX_INTERLEAVING, TextConverter
+from fpsboost.media.window_cuts import chapters_within, packets_within
 
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
 
@@ -51,7 +60,7 @@ ALL = Window(Fraction(0), None, None)
 """All of a clip, whose packets keep their times, also those before 0."""
 
 
-class OtherStreams:
+class StreamCopier:
     """Copier of audio, subtitles, data, attachments, tags and chapters from a source file to an output.
 
     The source is opened a second time, so that these packets are read when they are due and memory use stays constant.
@@ -59,9 +68,9 @@ class OtherStreams:
 
     Parameters
     ----------
-    fitting : Fitting
-        Result of `fpsboost.media.fitting.fit_streams`: which streams are copied, encoded or left out, and the part
-        of the source that is written.
+    mapping : StreamMapping
+        Which streams are copied, encoded or left out, as `fpsboost.media.stream_mapping.map_streams` decides, and the
+        part of the source that is written.
     source : VideoFile
         File to copy from.
     output : OutputContainer
@@ -70,15 +79,15 @@ class OtherStreams:
         Video stream of the output, which gets the labels and the timecode of the source's.
     """
 
-    def __init__(self, fitting: Fitting, source: VideoFile, output: OutputContainer, video: av.VideoStream) -> None:
-        self._fitting = fitting
+    def __init__(self, mapping: StreamMapping, source: VideoFile, output: OutputContainer, video: VideoStream) -> None:
+        self._mapping = mapping
         self._source = source
         self._output = output
-        self._window = fitting.output.window or ALL
-        self._name = fitting.output.path
-        self._container = fitting.output.container
+        self._window = mapping.output.window or ALL
+        self._name = mapping.output.path
+        self._container = mapping.output.container
         self._curve = self._window.curve
-        self._reverses = self._curve is not None and self._curve.reverses
+        self._reverses = self._window.reverses
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = source.open()
@@ -92,13 +101,13 @@ class OtherStreams:
         self._sounds: dict[int, EncodedSound] = {}
         self.tags = tags_for(self._input.metadata, self._container)
         output.metadata.update(self.tags.values)
-        chapters = _chapters_within(self._input, self._window, source.start)
+        chapters = chapters_within(self._input, self._window, source.start)
         unread = unread_of_chapters(self._input)
         output.set_chapters(chapters)
         self.remarks = Remarks()
         if self.tags.lost:
             self._remark("tags-lost", tags=", ".join(self.tags.lost))
-        if chapters and fitting.any_codec:
+        if chapters and mapping.any_codec:
             self._remark("chapters-lost")
         if unread:
             self._remark("chapter-parts-lost", parts=", ".join(unread))
@@ -165,8 +174,8 @@ class OtherStreams:
         self.remarks.add(kind, name=self._name, **values)
 
     def _add(self, stream: Stream) -> None:
-        """Add an output stream for a stream of the source as `fit_streams` has chosen, or remark on its loss."""
-        is_kept = is_wanted(stream, self._fitting.output.encoding)
+        """Add an output stream for a stream of the source as `map_streams` has chosen, or remark on its loss."""
+        is_kept = is_wanted(stream, self._mapping.output.encoding)
         is_copied = is_kept or (stream.type == "data" and keeps_data(self._container, stream))
         can_turn = stream.type == "audio" or (
             stream.type == "subtitle" and is_text(stream) and codec_of(stream) != "eia_608"
@@ -175,12 +184,12 @@ class OtherStreams:
             self._add_cover(stream)
         elif stream.discard == Discard.all:
             pass  # chapter track of an mp4, which FFmpeg reads as chapters
-        elif stream.index in self._fitting.left_out:
-            self.remarks.add("stream-misfits", lost_stream=stream.index, **self._fitting.left_out[stream.index])
+        elif stream.index in self._mapping.left_out:
+            self.remarks.add("stream-misfits", lost_stream=stream.index, **self._mapping.left_out[stream.index])
         elif is_copied and self._reverses and not can_turn:
             self._remark("stream-not-reversible", lost_stream=stream.index, what=kind_of(stream))
-        elif stream.index in self._fitting.encoders:
-            self._add_encoded(stream, self._fitting.encoders[stream.index])
+        elif stream.index in self._mapping.encoders:
+            self._add_encoded(stream, self._mapping.encoders[stream.index])
         elif is_kept and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
         elif is_copied:
@@ -205,15 +214,15 @@ class OtherStreams:
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: Stream) -> None:
-        """Add a stream of text subtitles in the container's format; `fit_streams` has checked that it fits."""
+        """Add a stream of text subtitles in the container's format; `map_streams` has checked that it fits."""
         converter = self._converters[stream.index] = TextConverter(stream, self._output, self._container)
         self._add_target(stream, converter.stream)
         format = self._container.text_format
         self._remark("subtitles-converted", stream=stream.index, codec=codec_of(stream), format=format)
 
     def _add_encoded(self, stream: Stream, encoder: str) -> None:
-        """Add a stream of audio that is re-encoded; `fit_streams` has checked that it can be."""
-        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._fitting.output.window)
+        """Add a stream of audio that is re-encoded; `map_streams` has checked that it can be."""
+        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._mapping.output.window)
         self._add_target(stream, sound.stream)
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
         if self._curve is not None and self._curve.is_steady and (speed := self._curve.sounding[0].slope0):
@@ -244,7 +253,7 @@ class OtherStreams:
             self._labels[index] = target.type, tags, target.disposition
         self.close()
 
-    def _copy_timecode(self, video: av.VideoStream) -> bool:
+    def _copy_timecode(self, video: VideoStream) -> bool:
         """Write the timecode of the first frame, or remark that it is lost; return whether the source has one."""
         timecode = find_timecode(self._input.streams[self._source.stream_index].metadata, self._input.metadata)
         if timecode is None:
@@ -302,16 +311,18 @@ class OtherStreams:
     def _due(self, packets: Iterator[Packet]) -> Iterator[tuple[Fraction, Packet]]:
         """Yield packets, at times in the output but for sound that is encoded, and when that which they hold is due."""
         window = self._window
-        end = self._window.end
+        exact = self._container.exact_times
         for packet in packets:
             index = packet.stream.index
-            kind = packet.stream.type
             time = (packet.dts or 0) * Fraction(packet.time_base)
-            if is_encrypted(packet) and (end is None or time < end):
-                raise EncryptedError(encrypted_stream_sentence(self._source.name, kind, index))
+            if is_encrypted(packet) and (window.end is None or time < window.end):
+                raise EncryptedError(encrypted_stream_sentence(self._source.name, packet.stream.type, index))
             due = window.output_time(time)
-            for moved in [packet] if window is ALL or index in self._sounds else self._move(packet, window):
-                yield due, moved
+            if window is ALL or index in self._sounds:
+                yield due, packet
+            else:
+                stream = self._input.streams[index]
+                yield from ((due, moved) for moved in packets_within(window, packet, stream, exact_times=exact))
 
     def _read(self, file: InputContainer, streams: Collection[int]) -> Iterator[Packet]:
         """Yield packets of streams of the source, in file order, with times from the start of the clip; text as cues.
@@ -343,42 +354,6 @@ class OtherStreams:
         is_copied = packet.stream.index not in self._sounds and not self._container.exact_times
         return packet.is_discard and is_copied and end < -MAX_PRIMING
 
-    def _move(self, packet: Packet, window: Window) -> Sequence[Packet]:
-        """Move a packet like the pictures; return what lies in the window, a cue as often as it is shown."""
-        tick = Fraction(packet.time_base)
-        dts = packet.dts or 0
-        pts = dts if packet.pts is None else packet.pts
-        begin = pts * tick
-        end = (pts + max(packet.duration or 0, 1)) * tick
-        # Matroska has no times before 0: there all packets are offset, as of a whole clip, or what comes before is lost
-        is_exact = self._container.exact_times
-        leads = not is_exact and packet.stream.type == "audio" and window.begin == window.origin
-        if (end <= window.begin and not leads) or (window.end is not None and begin >= window.end):
-            return []
-        moved = round(window.begin / tick)
-        packet.pts = pts - moved
-        packet.dts = dts - moved
-        if packet.stream.type == "subtitle":
-            begin = max(begin, window.begin)
-            end = end if window.end is None else min(end, window.end)
-            if packet.duration or self._reverses:
-                times = [(round(time0 / tick), round(time1 / tick)) for time0, time1 in window.passages(begin, end)]
-                return [self._shown_from(packet, time0, time1) for time0, time1 in times if time0 < time1]
-            packet.pts = packet.dts = round(window.output_time(begin) / tick)
-        return [packet] if packet.pts >= 0 or is_exact or leads else []
-
-    def _shown_from(self, packet: Packet, begin: int, end: int) -> Packet:
-        """Return a copy of a cue that is shown from one tick to another."""
-        again: Packet = av.Packet(bytes(packet))
-        again.stream = self._input.streams[packet.stream.index]
-        again.time_base = packet.time_base
-        again.pts = begin
-        again.dts = begin
-        again.duration = end - begin
-        for data in packet.iter_sidedata():
-            again.set_sidedata(data)
-        return again
-
     def _copy(self, packet: Packet) -> None:
         """Mux, convert or encode one packet.
 
@@ -409,24 +384,6 @@ class OtherStreams:
         self._output.mux(packets)
         if packets:
             self.written[index] = kind
-
-
-def _chapters_within(file: InputContainer, window: Window, start: Fraction) -> list[Any]:
-    """Return the chapters that overlap a window, cut to it, with their output times."""
-    kept: list[Any] = []
-    for chapter in file.chapters():
-        tick = Fraction(chapter["time_base"] or 1)
-        begin = max(chapter["start"] * tick - start, window.begin)
-        end = chapter["end"] * tick - start
-        end = end if window.planned_end is None else min(end, window.planned_end)
-        for time0, time1 in window.passages(begin, end) if begin < end else ():
-            times = {"start": round(time0 / tick), "end": round(time1 / tick)}
-            if times["start"] < times["end"]:
-                kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
-    if window.curve is not None and window.curve.reverses:
-        kept.sort(key=lambda chapter: chapter["start"] * Fraction(chapter["time_base"] or 1))
-        kept = [{**chapter, "id": number} for number, chapter in enumerate(kept, 1)]  # one may come several times
-    return kept
 
 
 def _attached_picture(source: VideoFile, index: int) -> Packet | None:

@@ -22,7 +22,7 @@ from fpsboost.media.encoded_sound import can_encode
 from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
-from fpsboost.media.pyav import REFUSALS, Packet, open_input, trial_file
+from fpsboost.media.pyav import REFUSALS, open_input, packet_of, trial_file
 from fpsboost.media.sound_formats import choose_sound_encoder, named_layout, sound_encoders
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
@@ -42,8 +42,8 @@ class Rejected:
 
 
 @dataclass(frozen=True)
-class Fitting:
-    """Plan for storing the streams of a source in a file, as `fit_streams` makes it."""
+class StreamMapping:
+    """Plan for storing the streams of a source in a file, as `map_streams` makes it."""
 
     output: Output
     """The file, its source, the part that is written, and which streams to keep."""
@@ -55,7 +55,7 @@ class Fitting:
     """Whether a stream is copied whose codec is missing from the container's list; see `open_muxer`."""
 
 
-def fit_streams(output: Output, encoder: str) -> Fitting:
+def map_streams(output: Output, encoder: str) -> StreamMapping:
     """Decide how audio and subtitles of an output's source are stored in it, by trials with FFmpeg's muxers.
 
     Parameters
@@ -67,7 +67,7 @@ def fit_streams(output: Output, encoder: str) -> Fitting:
 
     Returns
     -------
-    Fitting
+    StreamMapping
         Plan with encoders, and with the streams that are left out beside others of their type.
 
     Raises
@@ -82,7 +82,7 @@ def fit_streams(output: Output, encoder: str) -> Fitting:
     if source is None:
         if encoding.streams is not None:
             raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
-        return Fitting(output)
+        return StreamMapping(output)
     asked = choose_sound_encoder(output)
     is_stretched = output.curve is not None
     if is_stretched and asked is None and encoding.audio_codec is not None and encoding.audio:
@@ -121,15 +121,15 @@ def fit_streams(output: Output, encoder: str) -> Fitting:
                 rejected[number] = Rejected(cause, f"leave it out with {option}")
         kept = {stream.type for stream in streams if stream.index not in rejected}
         left_out = {}
-        for index, misfit in rejected.items():
-            cause = misfit.cause
+        for index, rejection in rejected.items():
+            cause = rejection.cause
             if encoding.streams is not None:
                 raise OutputError(f"{cause}; leave {index} out of `streams`.")
             if file.streams[index].type not in kept:
-                raise OutputError(f"{cause}; {_any_of([*misfit.ways, misfit.without])}.")
-            way = f"; to keep it, {_any_of(misfit.ways)}" if misfit.ways else ""
+                raise OutputError(f"{cause}; {_any_of([*rejection.ways, rejection.without])}.")
+            way = f"; to keep it, {_any_of(rejection.ways)}" if rejection.ways else ""
             left_out[index] = {"cause": cause, "way": way}
-    return Fitting(output, encoders, left_out, any_codec)
+    return StreamMapping(output, encoders, left_out, any_codec)
 
 
 def _new_encoder(output: Output, stream: Stream, asked: str | None, *, is_held: bool) -> str | None:
@@ -143,7 +143,7 @@ def _new_encoder(output: Output, stream: Stream, asked: str | None, *, is_held: 
     if output.encoding.audio_codec is not None:  # to be copied
         return None
     container = output.container
-    if container.name == "matroska" and codec_of(stream) == "tta":
+    if codec_of(stream) == "tta" and container.holds("tta"):
         # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
         return "flac"
     is_needed = is_stretched or (container.replaces_sound and not is_held)
@@ -152,12 +152,11 @@ def _new_encoder(output: Output, stream: Stream, asked: str | None, *, is_held: 
 
 def _others_for(output: Output, encoder: str, stream: Stream, sample: bytes | None) -> list[str]:
     """Return the suffixes of other containers that hold a stream, and the video if its encoder was asked for."""
+    can_change = not output.encoding.codec  # the encoder, with the container
     return [
         suffix
         for suffix, other in containers_by_suffix.items()
-        if other != output.container
-        and (not output.encoding.codec or other.holds(encoder))
-        and fits(other, stream, sample)
+        if other != output.container and (can_change or other.holds(encoder)) and fits(other, stream, sample)
     ]
 
 
@@ -319,13 +318,7 @@ def _muxed(container: Container, stream: Stream, sample: bytes | None, *, any_co
             with open_muxer(path, container, any_codec=any_codec) as output:
                 target = add_copied(output, stream, container)
                 output.start_encoding()
-                packet: Packet = av.Packet(sample or bytes(64))
-                packet.stream = target
-                packet.pts = 0
-                packet.dts = 0
-                packet.duration = 1
-                packet.time_base = target.time_base or Fraction(1)
-                output.mux(packet)
+                output.mux(packet_of(sample or bytes(64), target, target.time_base or Fraction(1), 0, 1))
         except REFUSALS:
             return None
         with suppress(*REFUSALS), av.open(str(path)) as file:
