@@ -63,6 +63,7 @@ from .remarks import Remarks as Remarks
 from .remarks import counted as counted
 from .safe_files import check_folder as check_folder
 from .safe_files import check_writable as check_writable
+from .safe_files import explained_writing as explained_writing
 from .safe_files import move_all as move_all
 from .safe_files import sync as sync
 from .safe_files import write_safely as write_safely
@@ -97,5 +98,4 @@ from .writer import FileWriter as FileWriter
 from .writer import PartWriter as PartWriter
 from .writer import Writer as Writer
 from .writer import create as create
-from .writer import explained_writing as explained_writing
 from .writer import try_out as try_out

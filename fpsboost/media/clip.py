@@ -16,28 +16,17 @@ from typing import NamedTuple, Self
 import av
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.media.clock import VideoClock, in_rising_order, survey
-from fpsboost.media.demuxer import Demuxer, VideoFile, is_fragmented, is_raw, read_packets, remark_on_others
-from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
+from fpsboost.media.clip_header import read_clip_header
+from fpsboost.media.clock import in_rising_order
+from fpsboost.media.demuxer import Demuxer, read_packets
+from fpsboost.media.errors import EncryptedError, InputError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
-from fpsboost.media.frame_rate import ASSUMED_RATE, measure_rate, nominal_rate
-from fpsboost.media.info import ClipInfo
-from fpsboost.media.opening import open_video
 from fpsboost.media.output import StreamInfo
 from fpsboost.media.pictures import FormatUnifier, Pictures
 from fpsboost.media.pixels import has_alpha
-from fpsboost.media.pyav import as_fraction
 from fpsboost.media.reading import Reading
-from fpsboost.media.remarks import (
-    Damage,
-    Remarks,
-    counted,
-    dolby_vision_sentence,
-    encrypted_sentence,
-)
+from fpsboost.media.remarks import Damage, Remarks, counted, dolby_vision_sentence, encrypted_sentence
 from fpsboost.media.reorder_buffer import MAX_REORDERED
-from fpsboost.media.side_data import read_header
-from fpsboost.media.tags import ORDER, unread_of_chapters
 from fpsboost.media.traits import VideoTraits, read_traits
 
 STEPS_BACK = (0, 1, 10)  # seconds, or key frames, before the wanted one that are tried in turn
@@ -98,7 +87,11 @@ class Clip:
             self.path, self._name, reading.stream, playlists=reading.allow_playlists, threads=reading.threads
         )
         with undone_by(self._demuxer.close):
-            self.info = self._read_header()
+            self._header = read_clip_header(self.path, self._name, self._demuxer, reading, self.remarks)
+            self._clock = self._header.clock
+            self._check_clear(self._header.clear)
+        self.info = self._header.info
+        self.file = self._header.file
         self._reformatter = VideoReformatter()
         self._unifier: FormatUnifier | None = None
         self._started = False
@@ -113,53 +106,6 @@ class Clip:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _read_header(self) -> ClipInfo:
-        """Return size, rate and time base from headers and first packets, and set `_header`, `_clock` and `file`.
-
-        Adds remarks on a crop, ignored video streams, ordered chapters and an assumed frame rate.
-        """
-        streams = self._demuxer.container.streams
-        stream = self._demuxer.stream
-        context = stream.codec_context
-        self._reading.check_size(self._name, context.width, context.height)
-        self._header = read_header(stream)
-        left, top, right, bottom = self._header.crop or (0, 0, 0, 0)
-        width = context.width - left - right
-        height = context.height - top - bottom
-        if self._header.crop is not None:
-            coded = f"{context.width}x{context.height}"
-            self.remarks.add("cropped", name=self._name, shown=f"{width}x{height}", coded=coded)
-        with open_video(self.path, self._name, playlists=self._reading.allow_playlists) as file:
-            times, start, clear = survey(file, stream.index)
-        tick = as_fraction(stream.time_base)
-        measured = None if tick is None else measure_rate(times, tick)
-        remark_on_others(self.remarks, self._demuxer.container, stream, self._name)
-        if ORDER in unread_of_chapters(self._demuxer.container):
-            self.remarks.add("ordered-chapters", name=self._name)
-        raw = is_raw(self._demuxer.container)
-        said_rate, rate_is_known = nominal_rate(stream, measured, raw=raw)
-        coded_rate = self._reading.input_fps or said_rate
-        if self._reading.input_fps and rate_is_known and not raw:
-            raise OptionError(f"`input_fps` is for images and raw streams; {self._name} says its own frame rate.")
-        if not self._reading.input_fps and not rate_is_known:
-            advice = "; pass `input_fps` to set it"
-            self.remarks.add("rate-assumed", name=self._name, rate=ASSUMED_RATE, advice=advice)
-        tick = 1 / (2 * coded_rate) if raw else tick or 1 / coded_rate
-        fields = 2 if self._reading.deinterlace else 1
-        self._clock = VideoClock(
-            self._demuxer, start, tick, tick / fields, coded_rate * fields, raw_rate=said_rate if raw else None
-        )
-        self._check_clear(clear)
-        auxiliary = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
-        self.file = VideoFile(
-            self.path, self._name, stream.index, start, coded_rate, auxiliary, self._reading.allow_playlists
-        )
-        ticks = self._demuxer.duration
-        count = None if is_fragmented(stream) else fields * stream.frames or None
-        duration = None if ticks is None else ticks * tick
-        mean_rate = None if measured is None else measured.mean_rate * fields
-        return ClipInfo(self._name, height, width, self._clock.rate, self._clock.time_base, count, duration, mean_rate)
 
     def _check_clear(self, clear: Fraction | None) -> None:
         """Raise `EncryptedError` unless the part to be read ends before what is encrypted, after `clear` seconds."""
@@ -199,7 +145,7 @@ class Clip:
             if has_alpha(picture.format.name) and not self._reading.keeps_alpha:
                 self.remarks.add("alpha-left-out", name=self._name)
             traits = read_traits(
-                picture, self._demuxer.stream, self._reformatter, self._name, self._header.dolby_vision
+                picture, self._demuxer.stream, self._reformatter, self._name, self._header.sides.dolby_vision
             )
             if traits.dolby_vision_only:
                 self._refused = dolby_vision_sentence(self._name)
@@ -358,7 +304,7 @@ class Clip:
 
     def _pictures_from_here(self) -> Pictures:
         """Return the pictures from the current position in the file, with all counters at 0."""
-        return Pictures(self._clock, self._name, self._reading, self._header.crop, self.remarks)
+        return Pictures(self._clock, self._name, self._reading, self._header.sides.crop, self.remarks)
 
     def _reopen(self) -> None:
         """Return to the beginning of the file, with a new decoder and all counters at 0."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import sys
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
@@ -19,15 +18,16 @@ from pathlib import Path
 
 import av
 from av import Codec, VideoCodecContext, VideoFormat, VideoFrame, VideoStream
-from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
+from av.codec.codec import Capabilities
 from av.container import OutputContainer
 from av.error import FFmpegError
 from av.video.frame import PictureType
 
-from fpsboost.media.encoding import choose_encoder, depth_of, encoder_of, encoders, encodes_alpha, pixel_formats
-from fpsboost.media.errors import OptionError, OutputError
+from fpsboost.media.encoding import choose_encoder
+from fpsboost.media.errors import OutputError
 from fpsboost.media.output import Output
-from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
+from fpsboost.media.pixel_choice import choose_pixel_format
+from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray, is_rgb
 from fpsboost.media.pyav import Packet
 from fpsboost.media.remarks import Remarks
 from fpsboost.media.side_data import CAPTIONS, filtered, stereo_modes
@@ -99,7 +99,7 @@ class VideoEncoder:
 
     def _kept_side_data(self, traits: VideoTraits) -> set[str]:
         """Return the types of side data that the output keeps; x264 writes the stereo mode of pictures."""
-        is_passed = self._encoder == "libx264" and not _is_rgb(traits.pixel_format)
+        is_passed = self._encoder == "libx264" and not is_rgb(traits.pixel_format)
         window = self._output.window
         plays_backwards = window is not None and window.reverses
         kept = {CAPTIONS} if self._encoder in CAPTIONED and not plays_backwards else set()
@@ -198,12 +198,12 @@ class VideoEncoder:
         context.color_trc = traits.color_transfer
         context.color_range = traits.color_range
         context.colorspace = traits.tagged_color_space
-        if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
+        if is_rgb(traits.pixel_format) and not is_rgb(self.pixel_format):
             # RGB has neither matrix nor range; the matrix is chosen by the size.
             self.full_range = False
             context.colorspace = traits.color_space
             context.color_range = LIMITED_RANGE
-        elif _is_rgb(self.pixel_format):
+        elif is_rgb(self.pixel_format):
             context.colorspace = RGB
             context.color_range = FULL_RANGE
         elif is_gray(VideoFormat(self.pixel_format)):  # else decoders that give yuv420p for it take it for limited
@@ -211,7 +211,7 @@ class VideoEncoder:
         elif self.pixel_format.startswith("yuvj"):
             self.full_range = True
             context.color_range = FULL_RANGE
-        if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # as decoders of gray PNG tag it
+        if context.colorspace == RGB and not is_rgb(self.pixel_format):  # as decoders of gray PNG tag it
             context.colorspace = traits.color_space
 
     def _open_encoder(self, context: VideoCodecContext) -> None:
@@ -230,10 +230,6 @@ class VideoEncoder:
                 f"{float(self._output.timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose "
                 "another `codec`."
             ) from None
-
-
-def _is_rgb(pixel_format: str) -> bool:
-    return VideoFormat(pixel_format).is_rgb
 
 
 @contextlib.contextmanager
@@ -296,151 +292,3 @@ def _display_text(display: MasteringDisplay, whole_units: bool) -> str:
     red, green, blue, white = (f"({text(x, 50_000)},{text(y, 50_000)})" for x, y in display.colours)
     colours = f"G{green}B{blue}R{red}WP{white}"
     return f"{colours}L({text(display.brightest, 10_000)},{text(display.darkest, 10_000)})"
-
-
-YCBCR_EXTRA_BITS = 2  # additional bits that YCbCr needs for a lossless round trip of integer RGB values
-
-EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr555|^rgb565")
-"""Pixel formats excluded as targets: palette, monochrome 1-bit, Bayer, float, and unequal channel depths."""
-
-
-def choose_pixel_format(remarks: Remarks, output: Output, encoder: str, source: str) -> str:
-    """Return the name of the pixel format to encode, and add remarks on losses.
-
-    Parameters
-    ----------
-    remarks : Remarks
-        Remarks to add to.
-    output : Output
-        Output with the options of the user, of which a pixel format is taken or refused, not replaced. Images become
-        4:2:0 unless lossless or deep, and RGB video unless lossless.
-    encoder : str
-        FFmpeg's encoder.
-    source : str
-        Pixel format of the source.
-
-    Raises
-    ------
-    OptionError
-        The pixel format asked for needs an even size.
-    OutputError
-        The encoder has no pixel format that FFmpeg can convert to.
-    """
-    name = output.path
-    size = output.info.width, output.info.height
-    encoding = output.encoding
-    container = output.container
-    of_images = output.stream.traits is None
-    codec = Codec(encoder, "w")
-    offered = pixel_formats(codec)
-    wanted = encoding.pixel_format or source
-    if not offered:
-        return wanted
-    fitting = offered
-    if encoder_of(encoder).needs_whole_chroma:
-        fitting = [each for each in offered if _divides(each, *size)]
-    if encoding.pixel_format:
-        if wanted not in fitting:
-            raise OptionError(
-                f"`pixel_format={wanted!r}` halves an odd size, which {encoder} cannot do for {name} at "
-                f"{size[0]}x{size[1]}; use yuv444p, or crop to an even size."
-            )
-        _remark_if_rare(remarks, output, encoder, wanted)
-        return wanted
-    is_deep = depth_of(source) > 8
-    keeps_all = encoding.lossless or (codec.lossless and not codec.lossy)
-    is_rgb_video = not of_images and _is_rgb(source) and "yuv420p" in offered
-    if not keeps_all and (is_rgb_video or (of_images and not (is_deep and encoding.codec))):
-        alpha = has_alpha(source) and encodes_alpha(encoding, container)
-        wanted = ("yuva420p" if alpha else "yuv420p") + ("10le" if is_deep else "")
-    if wanted in fitting:
-        if is_rgb_video or (of_images and is_deep):
-            _compare(remarks, name, encoder, wanted, source, exact=keeps_all)
-        return wanted
-    keeps_alpha = encodes_alpha(encoding, container) and has_alpha(wanted)
-    fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
-    if keeps_all or (of_images and is_deep):
-        deepest = _deepest(fitting, wanted, exact=keeps_all)
-        _compare(remarks, name, encoder, deepest, source, exact=keeps_all)
-        return deepest
-    best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
-    if best is None:
-        raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another `codec`.")
-    plain = wanted.replace("yuvj", "yuv")
-    lost = [word for flag, word in losses.items() if loss & flag][:1]
-    if best.name != plain and {wanted, plain}.intersection(offered):
-        remarks.add("odd-size", name=name, width=size[0], height=size[1], format=best.name)
-    elif lost and best.name != plain:
-        remarks.add(
-            "depth-or-colour-lost", name=name, what=lost[0], encoder=encoder, format=best.name, source=wanted, advice=""
-        )
-    return best.name
-
-
-def _remark_if_rare(remarks: Remarks, output: Output, encoder: str, asked: str) -> None:
-    """Add a remark on a pixel format that was asked for, if an encoder of films has it and few players do."""
-    is_usual = encoder_of(encoder) in encoders.values() and not output.encoding.lossless
-    if is_usual and _chroma_of(VideoFormat(asked)) == 1:
-        remarks.add("rare-format", name=output.path, format=asked)
-
-
-losses = {PixFmtLoss.DEPTH: "depth", PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION: "colour resolution"}
-"""Words in remarks for FFmpeg's flags of losses between two pixel formats."""
-
-
-def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
-    """Return the format that holds most of another one: colour first, then chroma resolution, then bit depth.
-
-    Ties go to the more similar format if `exact`, else to YCbCr, in which encoders lose less.
-    """
-    source = VideoFormat(wanted)
-    offered = [name for name in offered if not EXCLUDED_FORMATS.search(name)] or offered
-
-    def worth(name: str) -> tuple[float, ...]:
-        target = VideoFormat(name)
-        return (
-            is_gray(source) or not is_gray(target),
-            min(_chroma_of(target), _chroma_of(source)),
-            min(_bits_held(name, wanted, exact=exact), depth_of(wanted)),
-            target.is_rgb == (source.is_rgb and exact) and is_gray(target) == is_gray(source),
-            has_alpha(name) == has_alpha(wanted),
-            -depth_of(name),
-            target.is_planar,
-        )
-
-    return max(offered, key=worth)
-
-
-def _compare(remarks: Remarks, name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> None:
-    """Add a remark on depth and colour resolution that the chosen format lacks, if it lacks any."""
-    finer = _chroma_of(VideoFormat(source)) > _chroma_of(VideoFormat(chosen))
-    deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
-    if finer or deeper:
-        what = " and ".join(["depth"] * deeper + ["colour resolution"] * finer)
-        advice = "; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour"
-        remarks.add(
-            "depth-or-colour-lost", name=name, what=what, encoder=encoder, format=chosen, source=source, advice=advice
-        )
-
-
-def _bits_held(name: str, source: str, *, exact: bool) -> int:
-    """Return the bits per sample of a format or, if `exact`, the bits of the source's samples that it preserves."""
-    target = VideoFormat(name)
-    through_matrix = exact and not (target.is_rgb or is_gray(target)) and VideoFormat(source).is_rgb
-    return depth_of(name) - YCBCR_EXTRA_BITS * through_matrix
-
-
-def _chroma_of(format: VideoFormat) -> float:
-    """Return the samples of chroma per pixel: 1 in RGB and 4:4:4, 0 in gray."""
-    if is_gray(format):
-        return 0
-    layout = VideoFormat(format.name, 16, 16)
-    return layout.chroma_width() * layout.chroma_height() / 256
-
-
-def _divides(pixel_format: str, width: int, height: int) -> bool:
-    """Return whether the chroma samples of a pixel format divide the size of a picture."""
-    layout = VideoFormat(pixel_format, 16, 16)
-    across = 16 // max(1, layout.chroma_width())
-    down = 16 // max(1, layout.chroma_height())
-    return width % across == 0 and height % down == 0

@@ -42,6 +42,11 @@ def has_alpha(pixel_format: str) -> bool:
     return any(component.is_alpha for component in VideoFormat(pixel_format).components)
 
 
+def is_rgb(pixel_format: str) -> bool:
+    """Return whether a pixel format of FFmpeg is RGB."""
+    return VideoFormat(pixel_format).is_rgb
+
+
 def with_chroma_location(picture: VideoFrame, location: str) -> VideoFrame:
     """Tag a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
     graph = graph_of(picture, ("setparams", f"chroma_location={location}"))

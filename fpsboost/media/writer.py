@@ -9,16 +9,14 @@ that is stopped therefore leaves its finished chunks, and a later run that resum
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Self
 
 from av import VideoFrame, VideoStream
-from av.error import FFmpegError
 
 from fpsboost.media.captions import captions_of
 from fpsboost.media.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
@@ -32,7 +30,7 @@ from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
 from fpsboost.media.pyav import Packet, trial_file
 from fpsboost.media.remarks import Remark
-from fpsboost.media.safe_files import check_writable
+from fpsboost.media.safe_files import check_writable, explained_writing
 from fpsboost.media.staging import (
     PartFolder,
     StagedSink,
@@ -385,22 +383,3 @@ def try_out(output: Output) -> tuple[list[str], list[Remark]]:
         header = Assembly(path, encoder.stream, mapping, traits)
         header.discard()
         return [name, encoder.pixel_format], [*encoder.remarks, *header.remarks]
-
-
-@contextlib.contextmanager
-def explained_writing(name: str) -> Iterator[None]:
-    """Convert errors of FFmpeg and the operating system into an `OutputError` with a sentence about the file."""
-    try:
-        yield
-    except (FFmpegError, OSError) as error:
-        other = f"could not be written ({error.strerror or error}); try another `codec` or container."
-        raise OutputError(f"{name} {_reasons.get(error.errno or 0, other)}") from error
-
-
-_reasons = dict.fromkeys((errno.EACCES, errno.EPERM), "may not be written; check the permissions of its folder.")
-_reasons |= {
-    errno.ENOSPC: "could not be finished because the disk is full; free some space and run again.",
-    errno.EDQUOT: "could not be finished because the disk quota is used up; free some space and run again.",
-    errno.EROFS: "lies on a read-only disk; choose another folder.",
-    errno.EFBIG: "grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
-}
