@@ -22,7 +22,7 @@ from fpsboost.frame import ClipInfo
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
-from fpsboost.io.animation import ANIMATION_SUFFIXES
+from fpsboost.io.animation.writers import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import is_pattern

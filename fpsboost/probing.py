@@ -14,7 +14,7 @@ from fpsboost.errors import FpsboostError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.animation import is_animation
+from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fpsboost import InputError, OptionError, RunOptions, convert, memory, stream
-from fpsboost.io.animation import AnimationSource
+from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.exr import encode_exr, read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.video.pipe import PipeSource

@@ -25,7 +25,7 @@ from fpsboost.cli.options import MessageOptions, check_named_once
 from fpsboost.cluster import ClusterOptions, convert_where
 from fpsboost.conflicts import check_together
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
-from fpsboost.io.animation import is_animation
+from fpsboost.io.animation.source import is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.source import is_pattern, pictures_in
 from fpsboost.io.opening import PIPES

@@ -149,7 +149,7 @@ def _kernels() -> Iterator[Finding]:
 
 
 def _codecs() -> Iterator[Finding]:
-    from fpsboost.io.animation import types  # noqa: PLC0415
+    from fpsboost.io.animation.writers import types  # noqa: PLC0415
     from fpsboost.media import encoders, ffmpeg_version, missing_codecs, sound_encoders  # noqa: PLC0415
 
     yield Finding("codecs", "FFmpeg", ffmpeg_version())

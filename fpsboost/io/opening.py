@@ -12,7 +12,9 @@ from fpsboost.contracts import FrameSink
 from fpsboost.errors import InputError, OptionError, OutputError, applicable, explained
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
-from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation, types
+from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.source import AnimationSource, is_animation
+from fpsboost.io.animation.writers import ANIMATION_SUFFIXES, types
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.layers import ALL, BEAUTY
 from fpsboost.io.images.sink import ImagePartSink, ImageSink

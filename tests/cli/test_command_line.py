@@ -405,7 +405,7 @@ STAGES = {
     "writing images": "fpsboost.io.images.encoder.ImageEncoder.content",
     "finishing a video": "fpsboost.media.writer.FileWriter._finish",
     "finishing images": "fpsboost.io.images.sink.ImageSink._finish",
-    "finishing an animation": "fpsboost.io.animation.AnimationWriter.finish",
+    "finishing an animation": "fpsboost.io.animation.writers.AnimationWriter.finish",
     "summary": "fpsboost.conversion.closing_remarks",
 }
 

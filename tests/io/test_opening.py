@@ -5,7 +5,9 @@ from fractions import Fraction
 import pytest
 
 from fpsboost import DecodeOptions, InputError, OptionError
-from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource
+from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.animation.writers import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource

@@ -11,7 +11,8 @@ import pytest
 import fpsboost
 from fpsboost import ClipInfo, Frame, InputError, MemoryLimit, OutputError, Timing
 from fpsboost.image import Image
-from fpsboost.io.animation import AnimationSink, AnimationSource
+from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.media import OutputTiming
@@ -395,7 +396,7 @@ def test_options_for_video_are_refused(fpsboost_, tmp_path):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_an_animation_that_cannot_be_read_back_is_not_published(tmp_path, monkeypatch, suffix):
     """It ends in a sentence and leaves nothing behind."""
-    monkeypatch.setattr("fpsboost.io.animation.AnimationWriter.finish", lambda self: self._file.truncate(20))
+    monkeypatch.setattr("fpsboost.io.animation.writers.AnimationWriter.finish", lambda self: self._file.truncate(20))
     with pytest.raises(OutputError, match=rf"out\{suffix} was not written because it cannot be read back; check"):
         write(tmp_path / f"out{suffix}", [scene(number) for number in range(3)])
     assert not list(tmp_path.iterdir())
