@@ -83,11 +83,9 @@ class Clip:
         self.path = Path(path)
         self._reading = reading
         self.remarks = Remarks()
-        self._demuxer = Demuxer(
-            self.path, self._name, reading.stream, playlists=reading.allow_playlists, threads=reading.threads
-        )
+        self._demuxer = Demuxer(self._name, reading)
         with undone_by(self._demuxer.close):
-            self._header = read_clip_header(self.path, self._name, self._demuxer, reading, self.remarks)
+            self._header = read_clip_header(self._demuxer, self.remarks)
             self._clock = self._header.clock
             self._check_clear(self._header.clear)
         self.info = self._header.info
@@ -304,7 +302,7 @@ class Clip:
 
     def _pictures_from_here(self) -> Pictures:
         """Return the pictures from the current position in the file, with all counters at 0."""
-        return Pictures(self._clock, self._name, self._reading, self._header.sides.crop, self.remarks)
+        return Pictures(self._clock, self._header.sides.crop, self.remarks)
 
     def _reopen(self) -> None:
         """Return to the beginning of the file, with a new decoder and all counters at 0."""

@@ -1,7 +1,6 @@
 """What headers and first packets of a video file say, before a picture is decoded."""
 
 from fractions import Fraction
-from pathlib import Path
 from typing import NamedTuple
 
 from fpsboost.media.clock import VideoClock, survey
@@ -9,9 +8,7 @@ from fpsboost.media.demuxer import Demuxer, VideoFile, is_fragmented, is_raw, re
 from fpsboost.media.errors import OptionError
 from fpsboost.media.frame_rate import ASSUMED_RATE, measure_rate, nominal_rate
 from fpsboost.media.info import ClipInfo
-from fpsboost.media.opening import open_video
 from fpsboost.media.pyav import as_fraction
-from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import Remarks
 from fpsboost.media.side_data import HeaderData, read_header
 from fpsboost.media.tags import ORDER, unread_of_chapters
@@ -32,12 +29,14 @@ class ClipHeader(NamedTuple):
     """How long the pictures last that are before an encrypted one, seconds; None if none is."""
 
 
-def read_clip_header(path: Path, name: str, demuxer: Demuxer, reading: Reading, remarks: Remarks) -> ClipHeader:
+def read_clip_header(demuxer: Demuxer, remarks: Remarks) -> ClipHeader:
     """Return what headers and first packets of a file say.
 
     Adds remarks on a crop, ignored video streams, ordered chapters and an assumed frame rate. Raises `OptionError` for
     a frame rate that the file declares itself.
     """
+    name = demuxer.name
+    reading = demuxer.reading
     streams = demuxer.container.streams
     stream = demuxer.stream
     context = stream.codec_context
@@ -49,7 +48,7 @@ def read_clip_header(path: Path, name: str, demuxer: Demuxer, reading: Reading, 
     if sides.crop is not None:
         coded = f"{context.width}x{context.height}"
         remarks.add("cropped", name=name, shown=f"{width}x{height}", coded=coded)
-    with open_video(path, name, playlists=reading.allow_playlists) as again:
+    with demuxer.open_again() as again:
         times, start, clear = survey(again, stream.index)
     tick = as_fraction(stream.time_base)
     measured = None if tick is None else measure_rate(times, tick)
@@ -68,7 +67,7 @@ def read_clip_header(path: Path, name: str, demuxer: Demuxer, reading: Reading, 
     fields = 2 if reading.deinterlace else 1
     clock = VideoClock(demuxer, start, tick, tick / fields, coded_rate * fields, raw_rate=said_rate if raw else None)
     auxiliary = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
-    file = VideoFile(path, name, stream.index, start, coded_rate, auxiliary, reading.allow_playlists)
+    file = VideoFile(demuxer.path, name, stream.index, start, coded_rate, auxiliary, reading.allow_playlists)
     ticks = demuxer.duration
     count = None if is_fragmented(stream) else fields * stream.frames or None
     duration = None if ticks is None else ticks * tick

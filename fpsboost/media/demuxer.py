@@ -20,6 +20,7 @@ from fpsboost.media.errors import EncryptedError, InputError, OptionError, undon
 from fpsboost.media.opening import boxes_of, open_video
 from fpsboost.media.pixels import NO_COLOUR_TAG
 from fpsboost.media.pyav import Packet
+from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import Damage, Remarks, encrypted_sentence
 from fpsboost.media.transport_streams import clock_jumps, is_scrambled
 
@@ -82,16 +83,11 @@ class Demuxer:
 
     Parameters
     ----------
-    path : Path
-        File to open.
     name : str
-        The file in messages.
-    wanted : int or None
-        Number of the video stream; None for the one that `choose_video` takes.
-    playlists : bool
-        Also open playlists, for which other files are read.
-    threads : int
-        Threads of the decoder.
+        File to open; messages name it so.
+    reading : Reading
+        Which of its streams is chosen, by default that of `choose_video`, whether it may be a playlist, for which other
+        files are read, and the threads of the decoder.
 
     Raises
     ------
@@ -100,32 +96,34 @@ class Demuxer:
     EncryptedError
         The video is encrypted.
     OptionError
-        `wanted` is no video stream.
+        `reading` names a stream that is no video.
     """
 
-    def __init__(self, path: Path, name: str, wanted: int | None, *, playlists: bool = False, threads: int = 1) -> None:
-        self._path = path
-        self._name = name
-        self._wanted = wanted
-        self._playlists = playlists
-        self._threads = threads
+    def __init__(self, name: str, reading: Reading) -> None:
+        self.path = Path(name)
+        self.name = name
+        self.reading = reading
         self.furthest = self.last_start = Fraction(0)
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
         self._open()
-        if self.container.format.name == "mpegts" and is_scrambled(path, self.stream.id):
+        if self.container.format.name == "mpegts" and is_scrambled(self.path, self.stream.id):
             self.container.close()
             raise EncryptedError(encrypted_sentence(name))
 
     def _open(self) -> None:
         """Open the file, choose its stream, and set the threads of the decoder; sets `container` and `stream`."""
-        self.container = open_video(self._path, self._name, playlists=self._playlists)
+        self.container = self.open_again()
         with undone_by(self.container.close):
-            self.stream = choose_video(self.container, self._name, self._wanted)
+            self.stream = choose_video(self.container, self.name, self.reading.stream)
         # read before decoding: the first picture overwrites them with the tags of the coded stream, even if unspecified
         self.colour_tags = {name: int(getattr(self.stream.codec_context, name)) for name in NO_COLOUR_TAG}
         self.stream.thread_type = "AUTO"
-        self.stream.thread_count = self._threads
+        self.stream.thread_count = self.reading.threads
+
+    def open_again(self) -> InputContainer:
+        """Open the file once more, from its beginning."""
+        return open_video(self.path, self.name, playlists=self.reading.allow_playlists)
 
     @cached_property
     def duration(self) -> int | None:
@@ -141,7 +139,7 @@ class Demuxer:
             first, last = (self.stream.index_entries[place].timestamp for place in (0, -1))
             if 0 < first <= last < duration:  # else no entry of the index would be within the duration
                 return duration - first if (duration - last) * Fraction(self.stream.time_base or 1) < 1 else None
-        return None if clock_may_jump(self.container) and clock_jumps(self._path) else duration
+        return None if clock_may_jump(self.container) and clock_jumps(self.path) else duration
 
     def packets(self, damage: Damage) -> Iterator[Packet]:
         """Yield the video packets from the current position on; update `damage`, `clear` and the positions read."""

@@ -22,7 +22,6 @@ from fpsboost.media.pixels import (
     is_full_range,
 )
 from fpsboost.media.pyav import REFUSALS, as_fraction
-from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import Damage, Remarks, counted
 from fpsboost.media.reorder_buffer import ReorderBuffer
 from fpsboost.media.side_data import Crop
@@ -52,26 +51,17 @@ class Pictures(Iterator[VideoFrame]):
     Parameters
     ----------
     clock : VideoClock
-        Clock and file of the stream.
-    name : str
-        The file in messages.
-    reading : Reading
-        Whether two pictures are made of each, and whether alpha that is stored beside the pictures (VP8, VP9) is
-        decoded; otherwise it is left out, with a remark.
+        Clock and file of the stream. The file's `Reading` tells whether two pictures are made of each, and whether
+        alpha that is stored beside the pictures (VP8, VP9) is decoded; otherwise it is left out, with a remark.
     crop : Crop or None
         Margins to cut off, as the container asks for.
     remarks : Remarks
         Those of the caller, to which remarks are added while reading.
     """
 
-    def __init__(
-        self,
-        clock: VideoClock,
-        name: str,
-        reading: Reading,
-        crop: Crop | None,
-        remarks: Remarks,
-    ) -> None:
+    def __init__(self, clock: VideoClock, crop: Crop | None, remarks: Remarks) -> None:
+        name = clock.file.name
+        reading = clock.file.reading
         self.damage = Damage()
         self._file = clock.file
         self._tick = clock.tick

@@ -129,13 +129,8 @@ class TextConverter:
         texts = list(dict.fromkeys(line.split(b",", 8)[-1] for line in lines))
         text = b",".join([*lines[0].split(b",", 8)[:-1], b"\\N".join(texts)])
         try:
-            packet: Packet = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, end - begin))
+            cue = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, end - begin))
         except FFmpegError:
             self.lost_lines = True
             return self._packets(lines[1:], begin, end) if lines[1:] else []
-        packet.stream = self.stream
-        packet.time_base = self._tick
-        packet.pts = begin
-        packet.dts = begin
-        packet.duration = end - begin
-        return [packet]
+        return [packet_of(bytes(cue), self.stream, self._tick, begin, end - begin)]
