@@ -29,6 +29,7 @@ from .info import FOREVER as FOREVER
 from .info import ClipInfo as ClipInfo
 from .info import EncodeSettings as EncodeSettings
 from .info import OutputTiming as OutputTiming
+from .info import Reading as Reading
 from .info import is_implausible as is_implausible
 from .opening import check_is_no_playlist as check_is_no_playlist
 from .opening import open_video as open_video
@@ -53,17 +54,16 @@ from .pixels import reformatted as reformatted
 from .pixels import sample_type as sample_type
 from .pixels import with_chroma_location as with_chroma_location
 from .pyav import as_fraction as as_fraction
+from .pyav import explained_writing as explained_writing
 from .pyav import ffmpeg_version as ffmpeg_version
 from .pyav import missing_codecs as missing_codecs
 from .pyav import pulled as pulled
 from .pyav import pyav_version as pyav_version
-from .reading import Reading as Reading
 from .remarks import Remark as Remark
 from .remarks import Remarks as Remarks
 from .remarks import counted as counted
 from .safe_files import check_folder as check_folder
 from .safe_files import check_writable as check_writable
-from .safe_files import explained_writing as explained_writing
 from .safe_files import move_all as move_all
 from .safe_files import sync as sync
 from .safe_files import write_safely as write_safely

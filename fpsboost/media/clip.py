@@ -21,10 +21,10 @@ from fpsboost.media.clock import in_rising_order
 from fpsboost.media.demuxer import Demuxer, read_packets
 from fpsboost.media.errors import EncryptedError, InputError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
+from fpsboost.media.info import Reading
 from fpsboost.media.output import StreamInfo
 from fpsboost.media.pictures import FormatUnifier, Pictures
 from fpsboost.media.pixels import has_alpha
-from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import Damage, Remarks, counted, dolby_vision_sentence, encrypted_sentence
 from fpsboost.media.reorder_buffer import MAX_REORDERED
 from fpsboost.media.traits import VideoTraits, read_traits

@@ -46,8 +46,7 @@ def read_clip_header(demuxer: Demuxer, remarks: Remarks) -> ClipHeader:
     width = context.width - left - right
     height = context.height - top - bottom
     if sides.crop is not None:
-        coded = f"{context.width}x{context.height}"
-        remarks.add("cropped", name=name, shown=f"{width}x{height}", coded=coded)
+        remarks.add("cropped", name=name, shown=f"{width}x{height}", coded=f"{context.width}x{context.height}")
     with demuxer.open_again() as again:
         times, start, clear = survey(again, stream.index)
     tick = as_fraction(stream.time_base)
@@ -61,8 +60,7 @@ def read_clip_header(demuxer: Demuxer, remarks: Remarks) -> ClipHeader:
     if reading.input_fps and rate_is_known and not raw:
         raise OptionError(f"`input_fps` is for images and raw streams; {name} says its own frame rate.")
     if not reading.input_fps and not rate_is_known:
-        advice = "; pass `input_fps` to set it"
-        remarks.add("rate-assumed", name=name, rate=ASSUMED_RATE, advice=advice)
+        remarks.add("rate-assumed", name=name, rate=ASSUMED_RATE, advice="; pass `input_fps` to set it")
     tick = 1 / (2 * coded_rate) if raw else tick or 1 / coded_rate
     fields = 2 if reading.deinterlace else 1
     clock = VideoClock(demuxer, start, tick, tick / fields, coded_rate * fields, raw_rate=said_rate if raw else None)

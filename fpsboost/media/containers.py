@@ -1,6 +1,7 @@
 """Containers that are written: a record of each, with what FFmpeg does not tell of it, and which codecs it holds."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from io import BytesIO
@@ -47,17 +48,13 @@ class Container:
         with av.open(BytesIO(), "w", format=self.name) as probe:
             listed = codec in probe.supported_codecs
         # the header of DV cannot be written without a picture
-        return listed and (self.codec_list != "too long" or codec == "dvvideo" or self._writes_header(codec))
-
-    def _writes_header(self, codec: str) -> bool:
-        """Return whether the muxer writes a header for a codec."""
-        try:
-            with trial_file() as path, av.open(str(path), "w", format=self.name) as probe:
-                probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
-                probe.start_encoding()
-        except REFUSALS:
-            return False
-        return True
+        if not listed or self.codec_list != "too long" or codec == "dvvideo":
+            return listed
+        with suppress(*REFUSALS), trial_file() as path, av.open(str(path), "w", format=self.name) as probe:
+            probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
+            probe.start_encoding()
+            return True
+        return False
 
     def check_holds(self, codec: str, name: str, option: str, others: Mapping[str, str]) -> None:
         """Raise `OptionError` unless the container holds a codec that an option names.

@@ -1,7 +1,5 @@
 """Demux a video file: open it, choose its video stream, and read packets past damage and across joined recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,10 +15,10 @@ from av.format import Flags
 from av.stream import Disposition, Stream
 
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
+from fpsboost.media.info import Reading
 from fpsboost.media.opening import boxes_of, open_video
 from fpsboost.media.pixels import NO_COLOUR_TAG
 from fpsboost.media.pyav import Packet
-from fpsboost.media.reading import Reading
 from fpsboost.media.remarks import Damage, Remarks, encrypted_sentence
 from fpsboost.media.transport_streams import clock_jumps, is_scrambled
 

@@ -29,9 +29,10 @@ from av.packet import PacketSideData, PktSideDataT
 from av.stream import Stream
 
 from fpsboost.media.clock import Window
+from fpsboost.media.encoding import is_lossless
 from fpsboost.media.info import FOREVER
 from fpsboost.media.pyav import REFUSALS, Packet, pulled
-from fpsboost.media.sound_formats import BITRATE_PER_CHANNEL, Traits, is_lossless, named_layout, traits_for
+from fpsboost.media.sound_formats import BITRATE_PER_CHANNEL, Traits, named_layout, traits_for
 from fpsboost.media.time_map import Segment
 
 MIN_GAP = Fraction(1, 50)
@@ -325,8 +326,10 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> Graph:
         nodes.append(graph.add("adelay", f"delays={lead}S:all=1"))
     nodes.append(graph.add("apad", f"pad_len={round(FLUSH_SILENCE * max(Fraction(1), 1 / stretch) * rate)}"))
     nodes += [graph.add("atempo", repr(tempo)) for _ in range(stages)]
-    nodes.append(graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)))  # must not clip
-    nodes.append(graph.add("atrim", f"start_sample={round(Fraction(lead * target[0], rate))}"))
+    nodes += [
+        graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)),  # downmixing must not clip
+        graph.add("atrim", f"start_sample={round(Fraction(lead * target[0], rate))}"),
+    ]
     graph.link_nodes(*nodes, graph.add("abuffersink")).configure()
     return graph
 

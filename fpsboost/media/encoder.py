@@ -6,8 +6,6 @@ than 8 bits with a codec given, the format with the greatest bit depth and chrom
 encoder supports is chosen.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys
@@ -27,7 +25,7 @@ from fpsboost.media.encoding import choose_encoder
 from fpsboost.media.errors import OutputError
 from fpsboost.media.output import Output
 from fpsboost.media.pixel_choice import choose_pixel_format
-from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray, is_rgb
+from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, NO_COLOUR_TAG, RGB, has_alpha, is_gray, is_rgb
 from fpsboost.media.pyav import Packet
 from fpsboost.media.remarks import Remarks
 from fpsboost.media.side_data import CAPTIONS, filtered, stereo_modes
@@ -65,7 +63,6 @@ class VideoEncoder:
         self._encoder = encoder
         self._output = output
         self.traits = traits
-        name = output.path
         self.full_range = traits.full_range
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
@@ -84,9 +81,9 @@ class VideoEncoder:
         lost = dict.fromkeys(said for kind, said in traits.side_data.items() if kind not in kept)
         shape = traits.sample_aspect_ratio
         if shape not in (None, 1) and not keeps_shape:
-            self.remarks.add("shape-lost", name=name, shape=shape, encoder=encoder)
+            self.remarks.add("shape-lost", name=output.path, shape=shape, encoder=encoder)
         if lost:
-            self.remarks.add("side-data-lost", name=name, what=" and the ".join(lost))
+            self.remarks.add("side-data-lost", name=output.path, what=" and the ".join(lost))
         self.keeps_captions = CAPTIONS in kept
         self._null_output: OutputContainer | None = None
         self._stream: VideoStream | None = None
@@ -138,10 +135,8 @@ class VideoEncoder:
         time_base = self._output.timing.time_base
         if not is_original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
-            picture.colorspace = context.colorspace
-            picture.color_range = context.color_range
-            picture.color_primaries = context.color_primaries
-            picture.color_trc = context.color_trc
+            for tag in NO_COLOUR_TAG:
+                setattr(picture, tag, getattr(context, tag))
         if "VIEW_ID" in self.traits.side_data:  # of two views, one is left, which x264 must not call stereo
             picture = filtered(picture, ["mode=delete:type=STEREO3D"]) or picture
         # The same decoded picture may be written again at another time, so its properties are restored. The encoder

@@ -155,6 +155,12 @@ def depth_of(pixel_format: str) -> int:
     return 8
 
 
+def is_lossless(encoder: str) -> bool:
+    """Return whether an encoder has no lossy mode."""
+    codec = Codec(encoder, "w")
+    return codec.lossless and not codec.lossy
+
+
 def find_encoder(name: str, kind: str) -> Codec | None:
     """Return the encoder with this very name for ``video`` or ``audio``, or None if FFmpeg has none here."""
     codec = find_codec(name, "w")
@@ -193,8 +199,9 @@ def choose_encoder(output: Output, traits: VideoTraits | None = None) -> tuple[s
             f"`codec={asked!r}` is unknown here, also as the exact name of an FFmpeg encoder; "
             + choose_one(asked, encoders)
         )
-    names = {common: each.name for common, each in encoders.items()}
-    output.container.check_holds(encoder.name, output.path, f"`codec={asked!r}`", names)
+    output.container.check_holds(
+        encoder.name, output.path, f"`codec={asked!r}`", {common: each.name for common, each in encoders.items()}
+    )
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_known(encoder, asked, encoding) if encoder.presets else _options_of_other(codec, encoding)
     _check_encoder_options(codec, encoding)
@@ -263,7 +270,7 @@ def _options_of_other(codec: Codec, encoding: EncodeSettings) -> dict[str, str]:
         if not codec.lossy:
             raise OptionError(f"`bitrate` means nothing to {codec.name}, which is lossless; leave it out.")
         options["b"] = str(encoding.bitrate)
-    if encoding.lossless and (codec.lossy or not codec.lossless):
+    if encoding.lossless and not is_lossless(codec.name):
         if "lossless" in known:
             options["lossless"] = "1"
         elif codec.name == X264_RGB.name:
@@ -321,7 +328,7 @@ def repeatable_options(encoder: Encoder, given: Collection[str], info: ClipInfo)
     motion within other limits, or name the number in the stream.
     """
     usual = THREADS_FOR_LARGE_PICTURES if info.width * info.height > LARGE_PICTURE else ENCODER_THREADS
-    further = encoder.repeatable_options
+    threads = ("threads", str(encoder.threads or usual))
     if encoder == AV1 and not {"b", "maxrate"}.isdisjoint(given):
-        further = (("svtav1-params", "lp=1"),)  # with more threads, it aims at a rate differently in every run
-    return ("threads", str(encoder.threads or usual)), *further
+        return threads, ("svtav1-params", "lp=1")  # with more threads, it aims at a rate differently in every run
+    return threads, *encoder.repeatable_options

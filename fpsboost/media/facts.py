@@ -8,8 +8,7 @@ from typing import Any
 from fpsboost.media.clip import Clip
 from fpsboost.media.containers import MP4
 from fpsboost.media.demuxer import VideoFile, is_cover_art
-from fpsboost.media.info import ClipInfo
-from fpsboost.media.reading import Reading
+from fpsboost.media.info import ClipInfo, Reading
 from fpsboost.media.remarks import Remarks
 from fpsboost.media.stream_mapping import first_packets, fits, headers_in, is_text, keeps_data
 from fpsboost.media.tags import find_timecode

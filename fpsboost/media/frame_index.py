@@ -4,8 +4,6 @@ Indexes of containers list decoding times (MP4) or only some key frames (Matrosk
 decoded. What they promise is believed only where every packet becomes one picture at a time of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -129,5 +129,4 @@ def measure_rate(times: Sequence[int], tick: Fraction) -> MeasuredRate | None:
     interval = Fraction(sum(usual), len(usual)) * tick
     error = Fraction(rows * jitter, len(usual)) * tick
     is_constant = len(usual) >= MIN_USUAL_SHARE * len(intervals)
-    mean_rate = len(intervals) / (sum(intervals) * tick)
-    return MeasuredRate(interval, error, len(usual), is_constant, mean_rate, tick)
+    return MeasuredRate(interval, error, len(usual), is_constant, len(intervals) / (sum(intervals) * tick), tick)

@@ -1,7 +1,5 @@
 """Open a file for demuxing, or say why it cannot be opened: playlists, files that were never finished, segments."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

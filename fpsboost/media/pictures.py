@@ -71,14 +71,10 @@ class Pictures(Iterator[VideoFrame]):
         self._deinterlaced = reading.deinterlace
         stream = clock.file.stream
         self._says_alpha = stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
-        hidden = (
-            decoders_of_hidden_alpha.get(stream.codec_context.name)
-            if self._says_alpha and reading.keeps_alpha
-            else None
-        )
         self._decoder = stream.codec_context
-        if hidden is not None:
+        if self._says_alpha and reading.keeps_alpha and self._decoder.name in decoders_of_hidden_alpha:
             self._says_alpha = False
+            hidden = decoders_of_hidden_alpha[self._decoder.name]
             self._decoder = cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
         reorders = self._decoder.codec.reorder and clock.raw_rate is None
         self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=reorders)

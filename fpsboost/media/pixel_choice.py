@@ -1,13 +1,11 @@
 """The pixel format of an output: that of its source, or the one of the encoder's that suits it best."""
 
-from __future__ import annotations
-
 import re
 
 from av import Codec, VideoFormat
 from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 
-from fpsboost.media.encoding import depth_of, encoder_of, encoders, encodes_alpha, pixel_formats
+from fpsboost.media.encoding import depth_of, encoder_of, encoders, encodes_alpha, is_lossless, pixel_formats
 from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import has_alpha, is_gray, is_rgb
@@ -56,7 +54,7 @@ def choose_pixel_format(remarks: Remarks, output: Output, encoder: str, source: 
     of_images = output.stream.traits is None
     is_deep_image = of_images and depth_of(source) > 8
     is_rgb_video = not of_images and is_rgb(source) and "yuv420p" in offered
-    keeps_all = encoding.lossless or (codec.lossless and not codec.lossy)
+    keeps_all = encoding.lossless or is_lossless(encoder)
     wanted = source
     if not keeps_all and (is_rgb_video or (of_images and not (is_deep_image and encoding.codec))):
         alpha = has_alpha(source) and encodes_alpha(encoding, output.container)
@@ -77,8 +75,7 @@ def choose_pixel_format(remarks: Remarks, output: Output, encoder: str, source: 
     plain = wanted.replace("yuvj", "yuv")
     lost = [word for flag, word in losses.items() if loss & flag]
     if best.name != plain and {wanted, plain}.intersection(offered):
-        size = {"width": output.info.width, "height": output.info.height}
-        remarks.add("odd-size", name=output.path, format=best.name, **size)
+        remarks.add("odd-size", name=output.path, format=best.name, width=output.info.width, height=output.info.height)
     elif best.name != plain and lost:
         _remark_on_loss(remarks, output, encoder, best.name, wanted, lost[0])
     return best.name
@@ -86,14 +83,12 @@ def choose_pixel_format(remarks: Remarks, output: Output, encoder: str, source: 
 
 def _check_asked(remarks: Remarks, output: Output, encoder: str, fitting: list[str], asked: str) -> None:
     """Raise `OptionError` unless a pixel format that was asked for suits the size; remark on a rare one."""
-    size = f"{output.info.width}x{output.info.height}"
     if asked not in fitting:
         raise OptionError(
-            f"`pixel_format={asked!r}` halves an odd size, which {encoder} cannot do for {output.path} at {size}; use "
-            "yuv444p, or crop to an even size."
+            f"`pixel_format={asked!r}` halves an odd size, which {encoder} cannot do for {output.path} at "
+            f"{output.info.width}x{output.info.height}; use yuv444p, or crop to an even size."
         )
-    is_common = encoder_of(encoder) in encoders.values()
-    if is_common and not output.encoding.lossless and _chroma_of(asked) == 1:
+    if encoder_of(encoder) in encoders.values() and not output.encoding.lossless and _chroma_of(asked) == 1:
         remarks.add("rare-format", name=output.path, format=asked)
 
 
@@ -138,8 +133,10 @@ def _remark_on_loss(
     remarks: Remarks, output: Output, encoder: str, chosen: str, source: str, what: str, advice: str = ""
 ) -> None:
     """Add a remark on what a format lacks of another one."""
-    values = {"name": output.path, "encoder": encoder, "format": chosen, "source": source}
-    remarks.add("depth-or-colour-lost", what=what, advice=advice, **values)
+    name = output.path
+    remarks.add(
+        "depth-or-colour-lost", name=name, encoder=encoder, format=chosen, source=source, what=what, advice=advice
+    )
 
 
 def _bits_held(name: str, source: str, *, exact: bool) -> int:

@@ -4,6 +4,7 @@ PyAV 19 has rational numbers of its own, which are 0/1 where PyAV 18 has None, a
 UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replaces them if asked to.
 """
 
+import errno
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fractions import Fraction
@@ -14,6 +15,8 @@ from typing import Any, Literal, TypeAlias
 import av
 from av.codec.codec import UnknownCodecError
 from av.stream import Stream
+
+from fpsboost.media.errors import OutputError
 
 REFUSALS = (av.error.FFmpegError, ValueError)
 """Exceptions that tell that FFmpeg refuses something: its own, and PyAV's where it does not know a value."""
@@ -110,3 +113,22 @@ def missing_codecs(names: Iterable[str], mode: Literal["r", "w"]) -> list[str]:
     ['none-such']
     """
     return [name for name in names if find_codec(name, mode) is None]
+
+
+@contextmanager
+def explained_writing(name: str) -> Iterator[None]:
+    """Convert errors of FFmpeg and the operating system into an `OutputError` with a sentence about the file."""
+    try:
+        yield
+    except (av.error.FFmpegError, OSError) as error:
+        other = f"could not be written ({error.strerror or error}); try another `codec` or container."
+        raise OutputError(f"{name} {_reasons.get(error.errno or 0, other)}") from error
+
+
+_reasons = dict.fromkeys((errno.EACCES, errno.EPERM), "may not be written; check the permissions of its folder.")
+_reasons |= {
+    errno.ENOSPC: "could not be finished because the disk is full; free some space and run again.",
+    errno.EDQUOT: "could not be finished because the disk quota is used up; free some space and run again.",
+    errno.EROFS: "lies on a read-only disk; choose another folder.",
+    errno.EFBIG: "grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
+}

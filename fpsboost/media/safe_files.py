@@ -1,13 +1,10 @@
-"""Files written whole and synced to disk, checks of where they can be written, and sentences on what fails."""
+"""Files written whole and synced to disk, and checks of where they can be written."""
 
-import errno
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
-
-from av.error import FFmpegError
 
 from fpsboost.media.errors import (
     ExistsError,
@@ -98,22 +95,3 @@ def sync(path: Path) -> None:
         os.fsync(number)
     finally:
         os.close(number)
-
-
-@contextmanager
-def explained_writing(name: str) -> Iterator[None]:
-    """Convert errors of FFmpeg and the operating system into an `OutputError` with a sentence about the file."""
-    try:
-        yield
-    except (FFmpegError, OSError) as error:
-        other = f"could not be written ({error.strerror or error}); try another `codec` or container."
-        raise OutputError(f"{name} {_reasons.get(error.errno or 0, other)}") from error
-
-
-_reasons = dict.fromkeys((errno.EACCES, errno.EPERM), "may not be written; check the permissions of its folder.")
-_reasons |= {
-    errno.ENOSPC: "could not be finished because the disk is full; free some space and run again.",
-    errno.EDQUOT: "could not be finished because the disk quota is used up; free some space and run again.",
-    errno.EROFS: "lies on a read-only disk; choose another folder.",
-    errno.EFBIG: "grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
-}

@@ -1,7 +1,5 @@
 """Sound encoders, and the sample rates, formats and layouts that they take."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from fractions import Fraction
 from operator import attrgetter
@@ -76,12 +74,6 @@ def named_layout(layout: AudioLayout) -> str:
     """Return the name of a layout; of one that gives only the number of channels, that of the standard layout."""
     says_nothing = layout.name.endswith(("channels", "channel")) and layout.nb_channels <= len(STANDARD_LAYOUTS)
     return STANDARD_LAYOUTS[layout.nb_channels - 1] if says_nothing else layout.name
-
-
-def is_lossless(encoder: str) -> bool:
-    """Return whether an encoder has no lossy mode."""
-    codec = Codec(encoder, "w")
-    return codec.lossless and not codec.lossy
 
 
 def _takes(encoder: str, traits: Traits) -> bool:

@@ -311,7 +311,6 @@ class StreamCopier:
     def _due(self, packets: Iterator[Packet]) -> Iterator[tuple[Fraction, Packet]]:
         """Yield packets, at times in the output but for sound that is encoded, and when that which they hold is due."""
         window = self._window
-        exact = self._container.exact_times
         for packet in packets:
             index = packet.stream.index
             time = (packet.dts or 0) * Fraction(packet.time_base)
@@ -321,8 +320,10 @@ class StreamCopier:
             if window is ALL or index in self._sounds:
                 yield due, packet
             else:
-                stream = self._input.streams[index]
-                yield from ((due, moved) for moved in packets_within(window, packet, stream, exact_times=exact))
+                moved = packets_within(
+                    window, packet, self._input.streams[index], exact_times=self._container.exact_times
+                )
+                yield from ((due, part) for part in moved)
 
     def _read(self, file: InputContainer, streams: Collection[int]) -> Iterator[Packet]:
         """Yield packets of streams of the source, in file order, with times from the start of the clip; text as cues.

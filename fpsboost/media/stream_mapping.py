@@ -152,11 +152,11 @@ def _new_encoder(output: Output, stream: Stream, asked: str | None, *, is_held: 
 
 def _others_for(output: Output, encoder: str, stream: Stream, sample: bytes | None) -> list[str]:
     """Return the suffixes of other containers that hold a stream, and the video if its encoder was asked for."""
-    can_change = not output.encoding.codec  # the encoder, with the container
+    asked = output.encoding.codec
     return [
         suffix
         for suffix, other in containers_by_suffix.items()
-        if other != output.container and (can_change or other.holds(encoder)) and fits(other, stream, sample)
+        if other != output.container and (not asked or other.holds(encoder)) and fits(other, stream, sample)
     ]
 
 

@@ -1,7 +1,5 @@
 """Text subtitles, converted to the format of another container."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from typing import Any, cast

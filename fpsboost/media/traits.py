@@ -185,8 +185,8 @@ def read_traits(
         tagged_chroma_location=location != "center" or codec in ALWAYS_LOCATED,
         sample_aspect_ratio=as_fraction(stream.sample_aspect_ratio),
         display_matrix=None if matrix in (None, UPRIGHT) else tuple(np.frombuffer(matrix, np.int32).tolist()),
-        mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
-        light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
+        mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA", b"")),
+        light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL", b"")),
         side_data=described(all_sides, picture.width),
         stereo_mode=stereo_mode_of(sides),
         dolby_vision_only=not is_ordinary(sides, dolby_vision),
@@ -202,9 +202,9 @@ def traits_of_png(path: Path) -> VideoTraits:
     return VideoTraits()
 
 
-def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
+def parse_mastering_display(data: bytes) -> MasteringDisplay | None:
     """Parse FFmpeg's AVMasteringDisplayMetadata; return None if it is absent or empty."""
-    if data is None or len(data) < 88:
+    if len(data) < 88:
         return None
     *numbers, has_colours, has_luminance = struct.unpack_from("=22i", data)
     values = [Fraction(above, below or 1) for above, below in zip(numbers[::2], numbers[1::2], strict=True)]
@@ -215,9 +215,9 @@ def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
     return MasteringDisplay(colours, brightest, darkest)
 
 
-def parse_light_level(data: bytes | None) -> LightLevel | None:
+def parse_light_level(data: bytes) -> LightLevel | None:
     """Parse FFmpeg's AVContentLightMetadata; return None if it is absent or empty."""
-    if data is None or len(data) < 8:
+    if len(data) < 8:
         return None
     levels = LightLevel(*struct.unpack_from("=2I", data))
     return levels if levels != LightLevel(0, 0) else None

@@ -1,7 +1,5 @@
 """Transport and program streams, of which a sample tells whether they are scrambled and whether their clock jumps."""
 
-from __future__ import annotations
-
 import re
 import statistics
 from collections.abc import Iterator

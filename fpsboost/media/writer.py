@@ -6,8 +6,6 @@ output file. At the end the chunks are muxed into a file that is renamed to its 
 that is stopped therefore leaves its finished chunks, and a later run that resumes from them makes the same file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterable, Sequence
@@ -28,9 +26,9 @@ from fpsboost.media.errors import CompleteAlreadyError, OutputError
 from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
-from fpsboost.media.pyav import Packet, trial_file
+from fpsboost.media.pyav import Packet, explained_writing, trial_file
 from fpsboost.media.remarks import Remark
-from fpsboost.media.safe_files import check_writable, explained_writing
+from fpsboost.media.safe_files import check_writable
 from fpsboost.media.staging import (
     PartFolder,
     StagedSink,

@@ -1,7 +1,5 @@
 """Sink of animations, which appear under their names when they are complete."""
 
-from __future__ import annotations
-
 import math
 import os
 import secrets
@@ -49,7 +47,8 @@ class AnimationSink(StagedSink):
         self._name = output.path
         self._path = Path(output.path)
         self._info = output.info
-        self._type = types[self._path.suffix.lower()]
+        self._suffix = self._path.suffix.lower()
+        self._type = types[self._suffix]
         self._plays = min(output.stream.plays, self._type.most_plays)
         check_writable(self._path, output.path, output.stream.files, output.overwrite)
         self._check_fits(output.timing.rate)
@@ -69,15 +68,14 @@ class AnimationSink(StagedSink):
 
     def _check_fits(self, rate: Fraction) -> None:
         """Raise `OutputError` if the type cannot hold the size or the rate, or FFmpeg lacks its encoder."""
-        suffix = self._path.suffix.lower()
         largest = self._type.largest_side
         width = self._info.width
         height = self._info.height
         fastest = 1 / self._type.shortest
-        others = {".gif": ", or write .webp or .apng", ".webp": ", or write .apng"}.get(suffix, "")
+        others = {".gif": ", or write .webp or .apng", ".webp": ", or write .apng"}.get(self._suffix, "")
         if max(width, height) > largest:
             raise OutputError(
-                f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng."
+                f"{self._name} cannot hold {width}x{height} pixels, {self._suffix} ends at {largest}; use .apng."
             )
         if missing_codecs([self._type.codec], "w"):
             raise OutputError(
@@ -85,7 +83,7 @@ class AnimationSink(StagedSink):
             )
         if rate > fastest:
             raise OutputError(
-                f"{self._name} cannot show {float(rate):.6g} frames per second, {suffix} ends at {fastest}; use "
+                f"{self._name} cannot show {float(rate):.6g} frames per second, {self._suffix} ends at {fastest}; use "
                 f"`fps={fastest}` or less{others}."
             )
 
@@ -93,14 +91,13 @@ class AnimationSink(StagedSink):
     def remarks(self) -> Remarks:
         """Remarks on losses so far: colour tags, depth, short frames, and frames that come late."""
         remarks = Remarks(self._losses)
-        file_type = self._path.suffix.lower()
         before, last = [0, 0, *self._ticks][-2:]
         if self._latest >= self._type.shortest:
             late, shortest = (float(time * 1000) for time in (self._latest, self._type.shortest))
-            remarks.add("frames-late", name=self._name, late=late, file_type=file_type, shortest=shortest)
+            remarks.add("frames-late", name=self._name, late=late, file_type=self._suffix, shortest=shortest)
         if any(ticks * self._tick <= BROWSERS_SLOW_DOWN for ticks in self._ticks):
             remarks.add("frames-slowed-by-browsers", name=self._name)
-        if file_type == ".apng" and 2 * abs(before - last) > before > 0:
+        if self._suffix == ".apng" and 2 * abs(before - last) > before > 0:
             remarks.add("last-frame-as-before", name=self._name)
         return remarks
 
@@ -146,7 +143,7 @@ class AnimationSink(StagedSink):
     def _lose(self, what: str) -> None:
         """Remark, once, on a property of the frames that the type cannot hold."""
         bits = "16 bits" if self._type.is_deep else "8 bits; write an .apng to keep it"
-        self._losses.add("depth-lost", name=self._name, what=what, file_type=self._path.suffix.lower(), bits=bits)
+        self._losses.add("depth-lost", name=self._name, what=what, file_type=self._suffix, bits=bits)
 
     def _finish(self) -> None:
         """Write the end, read the file back and give it its name; `OutputError` without frames or if it is damaged."""
