@@ -1,6 +1,5 @@
 """What is computed from one frame alone: once, however many ask for it, and forgotten with the frame."""
 
-import importlib
 import threading
 import weakref
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +14,7 @@ import pytest
 
 from fpsboost import RunOptions, convert, methods
 from fpsboost.frame_cache import FrameCache, Results
+from fpsboost.synthesis import multi_hypothesis
 from support.truth import noise
 
 PER_FRAME = (
@@ -23,7 +23,7 @@ PER_FRAME = (
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
     "fpsboost.motion.nlm.contrast_planes",
-    "fpsboost.synthesis.multi_hypothesis.find_coefficients",
+    "fpsboost.synthesis.spline_samples.find_coefficients",
 )
 """What the default method asks of each frame of one level, under the names that it knows."""
 
@@ -58,7 +58,7 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
     """What was made of a frame goes with it: of 20 frames, the samples of no more than six are there at a time."""
     alive: set[int] = set()
     most = 0
-    samples = importlib.import_module("fpsboost.synthesis.multi_hypothesis")._samples
+    samples = multi_hypothesis.spline_samples
 
     def followed(image: Any) -> Any:
         nonlocal most
@@ -69,7 +69,7 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
         most = max(most, len(alive))
         return result
 
-    monkeypatch.setattr("fpsboost.synthesis.multi_hypothesis._samples", followed)
+    monkeypatch.setattr(multi_hypothesis, "spline_samples", followed)
     save_images(tmp_path / "in", count=20)
     convert(str(tmp_path / "in"), str(tmp_path / "out"), run=RunOptions(threads=2))
     assert 2 <= most <= 6

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "count"), [("media.md", 13), ("generated.md", 35)])
+@pytest.mark.parametrize(("page", "count"), [("media.md", 13), ("generated.md", 33)])
 def test_examples_of_the_pages(tmp_path, monkeypatch, page, count):
     """They run as they stand, and print what they show."""
     (tmp_path / "samples").symlink_to(ROOT / "samples")

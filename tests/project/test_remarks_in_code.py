@@ -8,7 +8,8 @@ import pytest
 import fpsboost
 from fpsboost import media, remarks
 
-FILES = sorted(Path(fpsboost.__file__).parent.rglob("*.py"))
+PACKAGE = Path(fpsboost.__file__).parent
+FILES = sorted(PACKAGE.rglob("*.py"))
 OF_TEXTS = {"find", "index", "partition", "removeprefix", "removesuffix", "replace", "rpartition", "search"}
 OF_TEXTS |= {"split", "startswith", "endswith", "sub", "match", "fullmatch", "findall"}
 """Functions that look into a text."""
@@ -22,7 +23,7 @@ def calls(path: Path) -> list[ast.Call]:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_kinds_have_a_sentence(path):
     """Each kind that is added is in the table of its room, so that no run ends with a missing one."""
-    texts = media.Remarks.texts if "media" in path.parts else remarks.Remarks.texts
+    texts = media.Remarks.texts if path.is_relative_to(PACKAGE / "media") else remarks.Remarks.texts
     added = [
         call.args[0].value
         for call in calls(path)
