@@ -246,7 +246,8 @@ class YCbCrImage(ImageView):
 
     @property
     def subsampling(self) -> tuple[int, int]:
-        (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
+        height, width = self.planes[0].shape
+        rows, columns = self.planes[1].shape
         return (1 if rows == height else 2), (1 if columns == width else 2)
 
     @property

@@ -211,7 +211,8 @@ def read_like(path: Path, like: Image) -> Image:
     """Return an image `as_type_of` the clip's frames; raises `InputError` if it has another size."""
     image = read_image(path)
     if image.shape[:2] != like.shape[:2]:
-        (height, width), (clip_height, clip_width) = image.shape[:2], like.shape[:2]
+        height, width = image.shape[:2]
+        clip_height, clip_width = like.shape[:2]
         raise InputError(
             f"{path} has {width}x{height} pixels, and the clip has {clip_width}x{clip_height}; they must be one size."
         )

@@ -245,7 +245,8 @@ class TimeMap:
 
     def _why_silent(self, segment: Segment) -> str:
         """Return the reason for which a segment has no sound, for a remark."""
-        speed, (slowest, fastest) = segment.speed, self.sound_speeds
+        speed = segment.speed
+        slowest, fastest = self.sound_speeds
         if speed is None:
             return "changing speed"
         return "shown again, or too short" if slowest <= speed <= fastest else f"speed {float(speed):.4g}"

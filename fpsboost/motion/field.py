@@ -169,7 +169,8 @@ def forward_backward_error(vectors: np.ndarray, y: np.ndarray, x: np.ndarray, ba
     -------
     (rows, columns) float32
     """
-    vectors, distance = np.ascontiguousarray(vectors, np.float32), np.empty(vectors.shape[:2], np.float32)
+    vectors = np.ascontiguousarray(vectors, np.float32)
+    distance = np.empty(vectors.shape[:2], np.float32)
     measure_forward_backward_errors(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
     return distance
 

@@ -305,7 +305,8 @@ def digest_of(*images: FrameImage) -> str:
 
 def _moving_samples() -> Iterator[NDArray[np.int64]]:
     """Yield the frames as samples of four channels, (H, W, 4), from 0 to 2**16 - 1."""
-    (height, width), random = SIZE, np.random.default_rng(0)
+    height, width = SIZE
+    random = np.random.default_rng(0)
     behind = _texture(random, height, width + 5 * FRAMES)
     in_front = _texture(random, *OBJECT)
     for number in range(FRAMES):

@@ -369,5 +369,6 @@ def _value_range(image0: FrameCache, image1: FrameCache) -> tuple[np.float32, np
     """Return the range of a generated frame: the spline overshoots, but a float frame stays within that of both."""
     if image0.pixels.dtype != np.float32:
         return view(image0.pixels).value_range
-    (lowest0, highest0), (lowest1, highest1) = image0.cached(_extremes), image1.cached(_extremes)
+    lowest0, highest0 = image0.cached(_extremes)
+    lowest1, highest1 = image1.cached(_extremes)
     return min(lowest0, lowest1), max(highest0, highest1)

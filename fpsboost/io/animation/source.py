@@ -105,7 +105,8 @@ class AnimationSource(ClosesOnExit):
             image = opened(self._file)
         except Exception as error:  # damage makes Pillow raise nearly anything
             raise InputError(f"{path} is damaged or no animation; replace it.") from error
-        self._format, (width, height) = image.format, image.size
+        self._format = image.format
+        width, height = image.size
         limit.check(path, width, height)
         self._first = int(getattr(image, "default_image", False))  # which an APNG has for viewers without animation
         self._delays = list[Fraction]()

@@ -124,7 +124,8 @@ class AnimationWriter(ABC):
         picture = self.picture(image)
         if self._stream is None:
             self._stream = cast(VideoStream, self._container.add_stream(self.codec, options=self.encoder_options()))
-            self._stream.height, self._stream.width = picture.height, picture.width
+            self._stream.height = picture.height
+            self._stream.width = picture.width
             self._stream.pix_fmt = picture.format.name
             self._stream.time_base = self._stream.codec_context.time_base = self._tick
         picture.pts = self.ticks

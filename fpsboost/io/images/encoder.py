@@ -238,7 +238,8 @@ def colours_of(
     chunks = dict[bytes, bytes]()
     if extension in (".exr", ".hdr"):
         said = read_exr_header(path).parts[0].attributes if extension == ".exr" else {}
-        points, chunks[b"cHRM"] = said.get("chromaticities", _chromaticities[BT709]), b""
+        points = said.get("chromaticities", _chromaticities[BT709])
+        chunks[b"cHRM"] = b""
         number = _number_of(_chromaticities, points, 0.001)
         transfer = SRGB if displayed else LINEAR
         tags = VideoTraits(color_primaries=number, color_transfer=transfer)

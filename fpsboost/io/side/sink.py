@@ -322,7 +322,8 @@ class MotionWriter(SideWriter):
         """Write the vectors of a source frame, pixels to the frames before and after it, and their pictures."""
         stem = self._stem(place)
         if self._suffix == EXR:
-            x, y, z, w = *np.moveaxis(backward, -1, 0), *np.moveaxis(forward, -1, 0)
+            x, y = np.moveaxis(backward, -1, 0)
+            z, w = np.moveaxis(forward, -1, 0)
             # Blender: the place in the previous frame minus that here, that here minus that in the next, y up
             self._write_file(stem + EXR, encode_exr({"X": x, "Y": -y, "Z": -z, "W": w}, half=False))
         for ending, picture, flow in zip((BACKWARD, FORWARD), FLOW_PICTURES, (backward, forward), strict=True):

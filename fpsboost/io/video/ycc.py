@@ -59,7 +59,8 @@ def to_bgr(picture: VideoFrame, reformatter: VideoReformatter | None = None, *, 
         name = full_chroma(bits).replace("yuv444p", "gray")
         is_ready = picture.format.name == name
         gray = picture if is_ready else scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
-        (levels,), most = plane_arrays(gray), 2 ** bits_of(gray) - 1
+        (levels,) = plane_arrays(gray)
+        most = 2 ** bits_of(gray) - 1
         image = cv2.merge([levels if top == most else np.rint(levels * (top / most)).astype(dtype)] * 3)
     else:
         planar = reformatted(picture, scaler, full_chroma(bits), full)
