@@ -84,6 +84,7 @@ CONFLICTS = (
     Conflict("cuts", "cut_threshold", "both say where scenes end"),
     Conflict("crf, lossless", "bitrate", "both set the quality"),
     Conflict("crf", "lossless", "both set the quality"),
+    Conflict("audio_bitrate", "audio_codec='copy'", "a copy keeps its bit rate"),
     Conflict("audio=False", "audio_codec, slow_motion_sound='stretch'", "one leaves the sound out"),
     Conflict(
         "decoder='opencv'",
@@ -96,6 +97,7 @@ CONFLICTS = (
 """Options that cannot be combined."""
 
 NEEDS = {
+    "audio_bitrate": "audio_codec, slow_motion_sound='stretch'",
     "slow_motion_sound": "slow_motion, retime, speed",
     "shutter_samples": "shutter",
     "below": "uncertain",

@@ -376,4 +376,4 @@ def _adapt_audio(
         return encoding
     if name is not None:
         remarks.add("sound-left-out", name=name, cause="slow motion" if curve is None else "the retime curve")
-    return replace(encoding, audio=False, audio_codec=None)
+    return encoding.without_audio()

@@ -28,9 +28,9 @@ from av.filter import Graph
 from av.packet import PacketSideData, PktSideDataT
 from av.stream import Stream
 
-from fpsboost.media.clock import Window
 from fpsboost.media.encoding import is_lossless
 from fpsboost.media.info import FOREVER
+from fpsboost.media.output import Output
 from fpsboost.media.pyav import REFUSALS, Packet, pulled
 from fpsboost.media.sound_formats import BITRATE_PER_CHANNEL, Traits, named_layout, traits_for
 from fpsboost.media.time_map import Segment
@@ -76,19 +76,18 @@ class EncodedSound:
     ----------
     stream : Stream
         Audio stream of the source.
-    output : OutputContainer
-        Output, whose header is not written yet, to which a stream is added.
+    container : OutputContainer
+        File whose header is not written yet, to which a stream is added.
     encoder : str
         FFmpeg's name of the encoder.
-    window : Window or None
-        Part of the source that is written, with its speed curve, read when the first packet arrives; None for all of
-        it.
+    output : Output
+        What is written: its bit rate of audio, and its window, which is read when the first packet arrives.
     """
 
-    def __init__(self, stream: Stream, output: OutputContainer, encoder: str, window: Window | None) -> None:
+    def __init__(self, stream: Stream, container: OutputContainer, encoder: str, output: Output) -> None:
         self.lost_packets = 0
-        self._output = output
-        self._window = window
+        self._output = container
+        self._window = output.window
         self._source: Any = stream.codec_context
         traits = _traits_of(self._source)
         self._target = traits_for(encoder, traits)
@@ -99,10 +98,11 @@ class EncodedSound:
         depths = [8 * av.AudioFormat(name).bytes for name in (format, traits[1])]
         if is_lossless(encoder) and self._source.codec.lossless and depths[0] < depths[1]:
             self.changes += f", in {depths[0]} bits"
-        target: Any = output.add_stream(encoder, rate=self._rate, layout=layout)
+        target: Any = container.add_stream(encoder, rate=self._rate, layout=layout)
         target.codec_context.format = format
         if not is_lossless(encoder):
-            target.bit_rate = BITRATE_PER_CHANNEL * target.codec_context.layout.nb_channels
+            usual = BITRATE_PER_CHANNEL * target.codec_context.layout.nb_channels
+            target.bit_rate = output.encoding.audio_bitrate or usual
         target.time_base = Fraction(1, self._rate)
         self.stream: Any = target
         self._run: _Run | None = None

@@ -119,6 +119,8 @@ class EncodeSettings:
         Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
         ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default audio is copied packet by packet, unless a
         .webm cannot hold it, which gets Opus; with ``copy`` always.
+    audio_bitrate : int, optional
+        Target bit rate of each audio stream that is encoded, bits per second; by default 96,000 for every channel.
     audio, subtitles : bool
         Keep the source's audio and subtitles.
     streams : tuple of int, optional
@@ -138,6 +140,7 @@ class EncodeSettings:
     pixel_format: str | None = None
     encoder_options: tuple[tuple[str, str], ...] = ()
     audio_codec: str | None = None
+    audio_bitrate: int | None = None
     audio: bool = True
     subtitles: bool = True
     streams: tuple[int, ...] | None = None

@@ -7,7 +7,7 @@ from typing import Any
 
 from av import AudioFormat, AudioLayout, Codec, CodecContext
 
-from fpsboost.media.encoding import find_encoder
+from fpsboost.media.encoding import find_encoder, is_lossless
 from fpsboost.media.errors import OptionError
 from fpsboost.media.output import Output
 from fpsboost.media.pyav import REFUSALS
@@ -45,6 +45,8 @@ def choose_sound_encoder(output: Output) -> str | None:
             f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, copy, or the exact name of an "
             "FFmpeg sound encoder."
         )
+    if output.encoding.audio_bitrate is not None and is_lossless(encoder):
+        raise OptionError(f"`audio_codec={asked!r}` is lossless and takes no `audio_bitrate`; leave one of them out.")
     output.container.check_holds(encoder, output.path, f"`audio_codec={asked!r}`", sound_encoders)
     return encoder
 

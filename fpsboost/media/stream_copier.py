@@ -140,7 +140,8 @@ class StreamCopier:
         with a remark. Raises `EncryptedError` for an encrypted packet before the end of the window.
         """
         while (ahead := self._ahead or next(self._packets, None)) is not None:
-            self._ahead, (due, packet) = ahead, ahead
+            self._ahead = ahead
+            due, packet = ahead
             if time is not None and due > time:
                 break
             self._ahead = None
@@ -222,7 +223,7 @@ class StreamCopier:
 
     def _add_encoded(self, stream: Stream, encoder: str) -> None:
         """Add a stream of audio that is re-encoded; `map_streams` has checked that it can be."""
-        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._mapping.output.window)
+        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._mapping.output)
         self._add_target(stream, sound.stream)
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
         if self._curve is not None and self._curve.is_steady and (speed := self._curve.sounding[0].slope0):

@@ -114,9 +114,11 @@ def map_streams(output: Output, encoder: str) -> StreamMapping:
             elif is_decodable and can_encode(stream, chosen):
                 encoders[number] = chosen
             else:
-                aim, option = ("encoded anew", "`audio=False`")
+                aim = "encoded anew"
+                option = "`audio=False`"
                 if is_stretched:
-                    aim, option = ("stretched", "`slow_motion_sound='drop'`")
+                    aim = "stretched"
+                    option = "`slow_motion_sound='drop'`"
                 cause = f"The {codec_of(stream)} sound of {source.name} cannot be {aim} here"
                 rejected[number] = Rejected(cause, f"leave it out with {option}")
         kept = {stream.type for stream in streams if stream.index not in rejected}
@@ -138,7 +140,7 @@ def _new_encoder(output: Output, stream: Stream, asked: str | None, *, is_held: 
     if stream.type != "audio":
         return None
     if asked is not None:
-        is_same = av.Codec(asked, "w").canonical_name == codec_of(stream)
+        is_same = av.Codec(asked, "w").canonical_name == codec_of(stream) and output.encoding.audio_bitrate is None
         return None if is_same and is_held and not is_stretched else asked
     if output.encoding.audio_codec is not None:  # to be copied
         return None

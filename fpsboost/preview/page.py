@@ -224,7 +224,7 @@ def _convert_passage(
         curve = " ".join(f"{place}f={time}s" for place, time in enumerate([*times, times[-1]]))
         part = replace(part, timing=replace(job.timing, retime=curve))
     if target.kind == "video":
-        encoding = replace(job.encoding, audio=False, audio_codec=None, subtitles=False, streams=None)
+        encoding = replace(job.encoding.without_audio(), subtitles=False, streams=None)
         part = replace(part, encoding=encoding, timing=replace(part.timing, slow_motion_sound=None))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
     recorder = _Recorder(View(passage.before.traits), job.timing.stretch, job.method.has_confidence)
@@ -232,9 +232,11 @@ def _convert_passage(
     cpu = time.process_time() - recorder.start[1]
     own = min(recorder.own_seconds / cpu, 0.9)
     seconds = (time.perf_counter() - recorder.start[0]) * (1 - own)
-    least, confidence = summary.lowest_match, None
+    least = summary.lowest_match
+    confidence = None
     if least is not None:
-        least, confidence = replace(least, time=least.time / job.timing.stretch), recorder.confidences[least.number]
+        confidence = recorder.confidences[least.number]
+        least = replace(least, time=least.time / job.timing.stretch)
     size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
     first = first_packet_size(Path(output)) if target.kind == "video" else 0
     remarks = Remarks(each.about(output, target.path) for each in summary.remarks)

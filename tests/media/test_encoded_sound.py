@@ -343,6 +343,32 @@ def test_lost_bits_are_said(tmp_path):
         assert file.streams.audio[0].codec_context.format.name == "s32"
 
 
+@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+def test_sound_has_the_bit_rate_that_was_asked_for(tmp_path, suffix):
+    """Sound that the container could hold as it is, too, is encoded with that many bits; less than a fifth are off."""
+    codec = "aac" if suffix == ".mp4" else "opus"
+    clip = tmp_path / "in.mkv"
+    write_noise(clip, "aac")
+    for bitrate in (32_000, 64_000):
+        target = tmp_path / f"{bitrate}{suffix}"
+        (remark,) = conversion_options.double(
+            clip, target, replace(FAST, audio_codec=codec, audio_bitrate=bitrate, preset=None)
+        )
+        assert "encoded anew as" in remark
+        bits = 8 * sum(len(data) for _, data in packets_of(target, "audio"))
+        assert bits * RATE / SAMPLES == pytest.approx(bitrate, rel=0.2)
+
+
+def test_a_bit_rate_goes_with_the_sound_that_is_left_out(tmp_path):
+    """Slow motion that drops its sound drops the options of sound, too, and names the loss alone."""
+    write_noise(tmp_path / "in.mkv", "aac")
+    encoding = replace(FAST, audio_codec="opus", audio_bitrate=64_000)
+    summary = convert(
+        str(tmp_path / "in.mkv"), str(tmp_path / "out.mkv"), method="nearest", encoding=encoding, slow_motion=True
+    )
+    assert [remark.kind for remark in summary.remarks] == ["sound-left-out"]
+
+
 def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
     """Unknown names, names of pictures, containers that do not hold it, contradictions, and targets without sound."""
     write_clip(tmp_path / "in.mp4", sound="aac")
@@ -357,6 +383,19 @@ def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
             "aac",
             "--no-audio",
         ): "--no-audio and --audio-codec cannot be combined",
+        (
+            "out.mp4",
+            "--audio-bitrate",
+            "64k",
+        ): "--audio-bitrate needs --audio-codec or --slow-motion-sound stretch; give",
+        (
+            "out.mp4",
+            "--audio-bitrate",
+            "64k",
+            "--audio-codec",
+            "copy",
+        ): "cannot be combined: a copy keeps its bit rate;",
+        ("out.mkv", "--audio-bitrate", "64k", "--audio-codec", "flac"): "--audio-codec flac is lossless and takes no",
         ("frames/", "--audio-codec", "aac"): "frames/ will be images, which take no --audio-codec; leave that out.",
         (
             *("out.mp4", "--audio-codec", "copy", "--slow-motion", "--slow-motion-sound", "stretch"),

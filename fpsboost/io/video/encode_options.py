@@ -2,13 +2,15 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Annotated
+from typing import Annotated, Self
 
 from fpsboost.errors import OptionError
 from fpsboost.media import EncodeSettings
 from fpsboost.options import Checked, Range, option
+
+BitRate = Annotated[int, Range(1000, 2_000_000_000, unit=" bits per second")]
 
 
 def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
@@ -53,9 +55,7 @@ class Encoding(Checked, EncodeSettings):
     codec: str | None = option(None, "h264, hevc, vp9, av1 or any FFmpeg encoder.")
     crf: int | None = option(None, "Constant rate factor; lower is better.")
     preset: str | None = option(None, "Encoder speed, for example slow or veryfast.")
-    bitrate: Annotated[int, Range(1000, 2_000_000_000, unit=" bits per second")] | None = option(
-        None, "Bits per second instead of `crf`: 8M, 800k.", parse=parse_bitrate
-    )
+    bitrate: BitRate | None = option(None, "Bits per second instead of `crf`: 8M, 800k.", parse=parse_bitrate)
     lossless: bool = option(False, "Encode without loss.")
     pixel_format: str | None = option(None, "Pixel format: yuv420p10le...; else the input's.", flag="pix-fmt")
     encoder_options: tuple[tuple[str, str], ...] = option(
@@ -66,6 +66,9 @@ class Encoding(Checked, EncodeSettings):
         parse=parse_encoder_options,
     )
     audio_codec: str | None = option(None, "Audio encoder: aac, opus...; else copy; opus in .webm.", group="Streams")
+    audio_bitrate: BitRate | None = option(
+        None, "Bits per second of encoded audio: 192k.", parse=parse_bitrate, group="Streams"
+    )
     audio: bool = option(True, "Drop the audio.", flag="no-audio", group="Streams")
     subtitles: bool = option(True, "Drop the subtitles.", flag="no-subtitles", group="Streams")
     streams: tuple[int, ...] | None = option(
@@ -75,3 +78,7 @@ class Encoding(Checked, EncodeSettings):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         EncodeSettings.__post_init__(self)
+
+    def without_audio(self) -> Self:
+        """Return the options of the same output without audio."""
+        return replace(self, audio=False, audio_codec=None, audio_bitrate=None)
