@@ -35,39 +35,39 @@ CONFLICTS = (
     Conflict("fps", "keep_timing", "one makes the rate constant, and the other keeps it variable"),
     Conflict("retime", "speed", "both set the speed"),
     Conflict("retime, speed", "slow_motion, keep_timing, fill_gaps", "both set the timing"),
-    Conflict("fill_gaps", "keep_timing, replace", "the first makes missing images alone, at a constant rate"),
+    Conflict("fill_gaps", "keep_timing, replace", "`fill_gaps` makes missing images alone, at a constant rate"),
     Conflict("loop", "replace", "a loop goes on beyond the frames that `replace` counts"),
     Conflict(
         "duplicates='drop'",
         "retime, speed, loop, fill_gaps, replace, vectors, in_place, `cuts` by frames, `mask` by frames",
-        "the first changes the number of frames, and the second goes by it",
+        "without repeats, frames have other numbers than in the clip",
         BY_ITSELF,
     ),
     Conflict(
         "gaps",
         "retime, speed, loop, fill_gaps, replace, keep_timing, duplicates='drop', vectors, in_place, cuts, start, end",
-        "the first changes the times of frames, and the second goes by them",
+        "`gaps` changes the times of the frames",
         BY_ITSELF,
     ),
     Conflict(
         "gaps, duplicates='drop'",
         "a preview",
-        "a preview reads passages alone, and this needs the whole clip",
+        "a preview reads passages alone, and the whole clip is needed",
         "convert the clip, and preview that",
     ),
     Conflict(
         "`retime` that plays backwards",
         "cuts, replace, loop, `mask` by frames",
-        "the first changes the order of frames, and the second goes by it",
+        "backwards, the frames come in another order than in the clip",
     ),
     Conflict("vectors", "retime, speed, shutter", "rendered vectors exist for frames at the usual times alone"),
     Conflict("vectors", "loop", "no rendered vectors lead from the last frame to the first"),
     Conflict("vectors", "mask_as='layer'", "a layer and what is behind it need vectors of their own"),
-    Conflict("in_place", "retime, speed", "the first fills in whole frame numbers, and the second shows any time"),
+    Conflict("in_place", "retime, speed", "`in_place` makes images at whole frame numbers alone, and not at any time"),
     Conflict(
-        "in_place", "shutter", "the first keeps the originals, and the second blurs them", "write to another folder"
+        "in_place", "shutter", "`in_place` keeps the originals, and `shutter` blurs them", "write to another folder"
     ),
-    Conflict("in_place", "overwrite", "the first replaces nothing"),
+    Conflict("in_place", "overwrite", "`in_place` replaces nothing"),
     Conflict("shutter", "confidence, save_motion", "a mean of several frames has no one map"),
     Conflict("resume", "confidence, save_motion", "frames that are finished are not computed again"),
     Conflict("chunk", "in_place, confidence, save_motion", "a part is written into a folder of its own"),
@@ -77,7 +77,7 @@ CONFLICTS = (
     Conflict(
         "vectors, chunk, confidence, save_motion, frames_of",
         "several inputs",
-        "the first is about one clip",
+        "each clip would need its own",
         ONE_BY_ONE,
     ),
     Conflict("cuts, cut_threshold", "no_cuts", "both say where scenes end"),
@@ -85,14 +85,14 @@ CONFLICTS = (
     Conflict("crf, lossless", "bitrate", "both set the quality"),
     Conflict("crf", "lossless", "both set the quality"),
     Conflict("audio_bitrate", "audio_codec='copy'", "a copy keeps its bit rate"),
-    Conflict("audio=False", "audio_codec, slow_motion_sound='stretch'", "one leaves the sound out"),
+    Conflict("audio=False", "audio_codec, slow_motion_sound='stretch'", "there is no sound to write"),
     Conflict(
         "decoder='opencv'",
         "stream, input_fps, deinterlace, size_change, force_colours",
         "OpenCV reads a video as it is",
     ),
     Conflict("range", "start, end", "both select frames"),
-    Conflict("quiet", "progress='json'", "the first prints nothing"),
+    Conflict("quiet", "progress='json'", "`quiet` prints nothing but errors"),
 )
 """Options that cannot be combined."""
 

@@ -402,7 +402,7 @@ def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
         ): "--slow-motion-sound stretch and --audio-codec copy contradict each other; give one of them.",
         (
             *("out.mp4", "--slow-motion", "--slow-motion-sound", "stretch", "--no-audio"),
-        ): "--no-audio and --slow-motion-sound stretch cannot be combined: one leaves the sound out;",
+        ): "--no-audio and --slow-motion-sound stretch cannot be combined: there is no sound to write;",
         (
             "out.mp4",
             "--slow-motion-sound",
