@@ -213,10 +213,10 @@ def test_good_images_are_passed_on(tmp_path, save_images):
     same = [path.read_bytes() == (tmp_path / "out" / path.name).read_bytes() for path in (tmp_path / "in").iterdir()]
     assert (sum(same), summary.replaced) == (5, [2, 3])
     Replacement(detect=True).check("replace", replace(FakeSource(frames_at([0])).info, frame_count=1))  # it names none
-    with pytest.raises(OptionError, match=r"`replace` has 6, and the last frame of .* is 6; name"):
+    with pytest.raises(OptionError, match=r"`replace` has 6, and the last frame of .* is 6; end"):
         convert(str(tmp_path / "in"), str(tmp_path / "late"), **options(replace="6"))
     info = replace(FakeSource(frames_at([0])).info, frame_count=7, duration=Fraction(7, 25))
-    with pytest.raises(OptionError, match=r"`replace` has 2\.0, and the last frame of .* is 6; name"):
+    with pytest.raises(OptionError, match=r"`replace` has 2\.0, and the last frame of .* is 6; end"):
         Replacement.parse("2s").check("replace", info)
     with pytest.raises(OptionError, match="`fill_gaps` and `replace` cannot be combined"):
         Timing(fill_gaps=True, replace="3")

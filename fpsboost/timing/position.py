@@ -292,7 +292,7 @@ class FrameList(Checked):
             return
         last = info.frame_count - 1
         for late in self.behind(last - 1, info.duration or FOREVER):
-            raise OptionError(f"`{option}` has {late}, and the last frame of {info.name} is {last}; name earlier ones.")
+            raise OptionError(f"`{option}` has {late}, and the last frame of {info.name} is {last}; end before it.")
 
 
 @dataclass(frozen=True)
