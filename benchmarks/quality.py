@@ -152,7 +152,7 @@ def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
 def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
     """Score every method and peer on every clip; print as it goes."""
     chosen, _ = choose([arguments.methods], None)
-    peers = name_others((), arguments.peer).commands
+    peers = {peer.name: peer.value for peer in name_others((), arguments.peer)}
     metrics = choose_metrics(arguments.metrics)
     scores: dict[str, Scores] = {}
     folders, hashes = dict[str, str](), dict[str, Any]()

@@ -128,7 +128,7 @@ class Remark(str):
 
     It is a string, so that it is passed on, compared and printed as one; programs go by its kind and its values.
 
-    Parameters
+    Attributes
     ----------
     kind : str
         What is said, in words with hyphens, such as ``stream-not-held``.

@@ -15,7 +15,7 @@ from fpsboost.synthesis import FramePair
 
 Array = NDArray[Any]
 
-SCENES = Path(__file__).parents[1] / "samples" / "scenes"
+SCENES = Path(__file__).parents[2] / "samples" / "scenes"
 needs_scenes = pytest.mark.skipif(not SCENES.is_dir(), reason="the source distribution has no rendered scenes")
 
 
