@@ -40,7 +40,7 @@ from fpsboost.evaluation.results import means
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
-from fpsboost.kernels.candidates import list_candidates
+from fpsboost.kernels.candidates import Votes, list_candidates
 from fpsboost.kernels.constants import LANES, WHITE
 from fpsboost.kernels.planes import level_scale
 from fpsboost.method_table import methods
@@ -49,7 +49,7 @@ from fpsboost.motion.components import padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.pair import Pair
-from fpsboost.synthesis import FramePair, InterpolatedImage, multi_hypothesis
+from fpsboost.synthesis import FramePair, InterpolatedImage, multi_hypothesis, votes
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.reproject import Reproject
 
@@ -96,25 +96,23 @@ class PatchedSearch:
             return self.inner.estimate(image0, image1)
 
 
-@dataclass(frozen=True)
-class OneDirection(multi_hypothesis.MultiHypothesis):
-    """The default synthesizer with candidates from the first frame's motion alone."""
-
-    def _collect_votes(self, frame_pair: FramePair) -> list[multi_hypothesis.Votes]:
-        voters0, voters1 = super()._collect_votes(frame_pair)
-        return [voters0, voters1._replace(trust=np.zeros_like(voters1.trust))]
+def collect_votes_of_one(frame_pair: FramePair, step: int) -> list[Votes]:
+    """Collect votes like `fpsboost.synthesis.votes.collect_votes`, but those of the second frame weigh nothing."""
+    voters0, voters1 = votes.collect_votes(frame_pair, step)
+    return [voters0, voters1._replace(trust=np.zeros_like(voters1.trust))]
 
 
 @dataclass(frozen=True)
 class WithConstants:
-    """The default synthesizer with other constants of its module."""
+    """The default synthesizer with other values of names in its module, or in one that it uses."""
 
     inner: multi_hypothesis.MultiHypothesis
     constants: dict[str, Any]
+    module: ModuleType = multi_hypothesis
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        with patch.multiple(multi_hypothesis, **self.constants):
+        with patch.multiple(self.module, **self.constants):
             images = list(self.inner.synthesize(frame_pair, times))
         yield from images
 
@@ -122,7 +120,7 @@ class WithConstants:
 def list_moving_candidates(*arguments: Any) -> None:
     """List candidates like `fpsboost.kernels.candidates.list_candidates`, but zero motion only if there is no other."""
     list_candidates(*arguments)
-    listed = arguments[-1].listed
+    *_, listed, _, _ = arguments
     listed[listed > 1] -= 1  # the last one is no motion
 
 
@@ -173,11 +171,11 @@ SYNTHESIS: dict[str, dict[str, Any]] = {
 
 CONSTANTS: dict[str, dict[str, Any]] = {
     "no candidate without motion": {
-        "ZERO_MOTION_PRIOR": np.float32(1e-30),
+        "ZERO_MOTION_PRIOR": 1e-30,
         "list_candidates": list_moving_candidates,
     },
-    "votes not weighed by the way back": {"CONSISTENCY_TOLERANCE": 1e6},
-    "paths bent however votes scatter": {"ACCELERATION_TOLERANCE": np.float32(1e6)},
+    "one direction's candidates": {"collect_votes": collect_votes_of_one},
+    "paths bent however votes scatter": {"ACCELERATION_TOLERANCE": 1e6},
 }
 """Names of the synthesizer's module that stand for something else."""
 
@@ -203,7 +201,9 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "paths curved by the next pair alone": NextPairOnly(**options_of(full)),
         "light not matched": replace(full, compensate_illumination=False),
         "overlays move along": replace(full, overlays=False),
-        "one direction's candidates": replace(full, synthesizer=OneDirection(**options_of(fusing))),
+        "votes not weighed by the way back": replace(
+            full, synthesizer=WithConstants(fusing, {"CONSISTENCY_TOLERANCE": 1e6}, votes)
+        ),
         **{name: replace(full, synthesizer=WithConstants(fusing, each)) for name, each in CONSTANTS.items()},
         **{name: replace(full, synthesizer=each) for name, each in changed(fusing, SYNTHESIS).items()},
         "the report's reprojection": replace(full, synthesizer=Reproject()),
