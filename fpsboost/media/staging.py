@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import shutil
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
@@ -36,12 +37,10 @@ MANIFEST = "manifest.json"
 COMPLETE = "whole"
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
-MAX_FACT_LENGTH = 60
-"""Maximum length of an option's value that a message quotes, characters."""
+MAX_FACT_LENGTH = 60  # maximum length of an option's value that a message quotes, characters
 MAX_NAME_BYTES = 230
 """Bytes of a name beyond which it is cut: file systems take 255, with prefix and suffix."""
-SHORT_NAME_LENGTH = 50
-"""Characters that are left of a name that is cut."""
+SHORT_NAME_LENGTH = 50  # characters that are left of a name that is cut
 IN_EXISTING_FOLDER = "fpsboost"
 """Name of the staging folder of images that go into a folder that was there."""
 
@@ -123,11 +122,7 @@ class StagingDirectory:
                 return
             if before is not None:
                 self.remarks.add("begun-anew", name=self.name)
-            for path in self.folder.iterdir():
-                if path.is_dir():
-                    shutil.rmtree(path)
-                elif path.name != LOCK:
-                    path.unlink()
+            self._empty()
             if self._job is not None:
                 write_safely(self.folder / MANIFEST, json.dumps(dict(self._job.facts), indent=1).encode())
 
@@ -162,11 +157,26 @@ class StagingDirectory:
             return
         if not keep:
             with suppress(OSError):
-                (self.folder / MANIFEST).unlink()  # first, as without it nothing is pending
-            shutil.rmtree(self.folder, ignore_errors=True)
+                (self.folder / MANIFEST).unlink(missing_ok=True)  # first, as without it nothing is pending
+                self._empty()
+            self._remove_emptied()
         self._release()
-        if not keep:
-            shutil.rmtree(self.folder, ignore_errors=True)  # Windows does not remove a file that is open
+        if not keep and sys.platform == "win32":  # which removes no file that is open
+            self._remove_emptied()
+
+    def _empty(self) -> None:
+        """Remove all but the lock file, without which another run would take the folder meanwhile."""
+        for path in self.folder.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path)
+            elif path.name != LOCK:
+                path.unlink()
+
+    def _remove_emptied(self) -> None:
+        """Remove the lock file and the folder, unless another run has taken it just now."""
+        with suppress(OSError):
+            (self.folder / LOCK).unlink()
+            self.folder.rmdir()
 
     def _acquire(self) -> None:
         """Create and lock the folder, as often as other runs remove it meanwhile.
@@ -184,7 +194,7 @@ class StagingDirectory:
                 self._lock = lock
                 if not os.path.samestat(os.fstat(lock.fileno()), (self.folder / LOCK).stat()):
                     self._release()
-            except FileNotFoundError:  # another run has just removed it
+            except (FileNotFoundError, FileExistsError):  # another run has just removed it
                 self._release()
                 if not self.folder.parent.is_dir():
                     raise

@@ -314,7 +314,8 @@ def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
     """Yield the least certain frame of every passage, by the first method."""
     trials = next(iter(preview.trials.values()))
     for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
-        least, confidence = trial.least_certain, trial.confidence
+        least = trial.least_certain
+        confidence = trial.confidence
         if least is None:
             continue
         time = format_time(passage.in_clip(least.time))

@@ -119,7 +119,8 @@ def expect_errors(
 
     between = trials(1, 0)
     hidden: list[Trial | None] = [None] * (len(between) + 1)
-    hidden[1:-1:2], hidden[2:-1:2] = trials(2, 0), trials(2, 1)
+    hidden[1:-1:2] = trials(2, 0)
+    hidden[2:-1:2] = trials(2, 1)
     doubts = np.stack([doubt for trial in between for doubt in trial.doubts])
     nearby = np.stack(
         [

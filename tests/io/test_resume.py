@@ -494,7 +494,8 @@ def test_what_a_run_left_that_was_killed_after_naming_is_removed(tmp_path, clip,
         run(clip, target) if kind == "video" else write_images(images, target)
 
     with monkeypatch.context() as patch:
-        patch.setattr("fpsboost.media.staging.shutil.rmtree", lambda *_, **__: None)  # killed before
+        patch.setattr(StagingDirectory, "_empty", lambda _: None)  # killed before
+        patch.setattr(StagingDirectory, "_remove_emptied", lambda _: None)
         convert_it()
     (left,) = tmp_path.glob(".*.unfinished")
     if "manifest.json" in has_left:
