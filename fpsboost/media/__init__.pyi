@@ -5,9 +5,9 @@ from .chunks import CHUNK_FRAMES as CHUNK_FRAMES
 from .chunks import Chunk as Chunk
 from .chunks import complete_chunk as complete_chunk
 from .clip import Clip as Clip
-from .clip import TimedPicture as TimedPicture
 from .clip import open as open
 from .clock import TIME_TOLERANCE as TIME_TOLERANCE
+from .clock import TimedPicture as TimedPicture
 from .clock import Window as Window
 from .containers import VIDEO_SUFFIXES as VIDEO_SUFFIXES
 from .containers import containers_by_suffix as containers_by_suffix

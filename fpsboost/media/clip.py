@@ -6,18 +6,17 @@ packet.
 
 import math
 import os
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import dropwhile, islice
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Self
 
-import av
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.media.clip_header import read_clip_header
-from fpsboost.media.clock import in_rising_order
+from fpsboost.media.clock import TimedPicture
 from fpsboost.media.demuxer import Demuxer, read_packets
 from fpsboost.media.errors import EncryptedError, InputError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
@@ -36,14 +35,6 @@ CHECKED_PICTURES = 2 * MAX_REORDERED
 
 SELF_CONTAINED = {"h264", "hevc", "mpeg1video", "mpeg2video", "mpeg4", "vp8", "vp9", "av1", "ffv1"}
 """Codecs whose decoders give, from a key frame on, the same pictures as by decoding all, or leave out pictures."""
-
-
-class TimedPicture(NamedTuple):
-    """Decoded picture, when it is presented, and for how long, seconds."""
-
-    picture: av.VideoFrame
-    time: Fraction
-    duration: Fraction
 
 
 class Clip:
@@ -180,19 +171,15 @@ class Clip:
         count = self._first
         end = None
         try:
-            for picture, time, is_last in in_rising_order(
-                self._timed(unifier), 1 / clock.rate, clock.time_base, damage
-            ):
-                self._compare_with_index(count, time)
+            for timed, is_last in clock.presented(self._pictures.unified(unifier, self._first), damage):
+                self._compare_with_index(count, timed.time)
                 count += 1
                 if count <= self._dropped:
                     continue
-                duration = clock.duration_of(picture)
                 if is_last:
                     self._compare_with_index(count, None)
-                    duration = clock.last_duration(time, duration)
-                    end = time + duration
-                yield TimedPicture(picture, time, duration)
+                    end = timed.time + timed.duration
+                yield timed
             self._check_clear(self._demuxer.clear)
             if end is None:  # `traits` has decoded a frame, and the first one is never left out
                 raise InputError(f"{self._name} has ended before frame {self._dropped}; begin at an earlier one.")
@@ -202,15 +189,6 @@ class Clip:
             self.remarks += damage.remarks(self._name, count)
         if self._demuxer.clear is None:
             clock.remark_on_early_end(self.remarks, self._name, end, count, self.info.frame_count)
-
-    def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
-        """Yield pictures in the first one's format with their times in seconds, which may not increase yet."""
-        end: Fraction | None = None
-        for number, decoded in enumerate(self._pictures, self._first):
-            picture = unifier.unified(decoded, number, self._pictures.aspect_of(decoded))
-            time = self._clock.time_of(picture, end, self._pictures.damage)
-            end = time + self._clock.duration_of(picture)
-            yield picture, time
 
     def first_time(self) -> Fraction:
         """Return the time of the clip's first frame, seconds; call it before iterating. Decodes that frame."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from typing import TypeVar
+from typing import NamedTuple, Self
 
 from av import VideoFrame
 from av.container import InputContainer
@@ -18,8 +18,6 @@ from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fra
 from fpsboost.media.pyav import as_fraction
 from fpsboost.media.remarks import Damage, Remarks, counted
 from fpsboost.media.time_map import TimeMap
-
-T = TypeVar("T")
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 """Containers whose header has the duration; elsewhere it is FFmpeg's estimate."""
@@ -120,6 +118,18 @@ class Window:
         return [part] if self.curve is None else self.curve.passages(*part)
 
 
+class TimedPicture(NamedTuple):
+    """Decoded picture, when it is presented, and for how long, seconds."""
+
+    picture: VideoFrame
+    time: Fraction
+    duration: Fraction
+
+    def later(self, by: Fraction) -> Self:
+        """Return the picture as it is presented later."""
+        return self._replace(time=self.time + by)
+
+
 @dataclass(frozen=True)
 class VideoClock:
     """Converter of the times of pictures to seconds from the start of the clip.
@@ -156,28 +166,42 @@ class VideoClock:
         damage.untimed += 1
         return Fraction(0) if end is None else round(end / self.time_base) * self.time_base
 
-    def duration_of(self, picture: VideoFrame) -> Fraction:
-        """Return how long a picture is presented, seconds: its own duration, or one interval of the nominal rate.
+    def presented(self, pictures: Iterable[VideoFrame], damage: Damage) -> Iterator[tuple[TimedPicture, bool]]:
+        """Yield pictures at strictly increasing times, each with whether it is the last one; see `in_rising_order`.
+
+        The last one's duration may come from the header.
+        """
+        for timed, is_last in in_rising_order(self._timed(pictures, damage), 1 / self.rate, self.time_base, damage):
+            yield (timed._replace(duration=self._last_duration(timed)) if is_last else timed), is_last
+
+    def _timed(self, pictures: Iterable[VideoFrame], damage: Damage) -> Iterator[TimedPicture]:
+        """Yield pictures at their own times, which may not increase yet, for their own durations.
 
         FFmpeg's duration of a picture without a time is unreliable, and not used.
         """
-        time_base = as_fraction(picture.time_base) or self.time_base
-        return picture.duration * time_base if picture.pts is not None and picture.duration > 0 else 1 / self.rate
+        end: Fraction | None = None
+        for picture in pictures:
+            time = self.time_of(picture, end, damage)
+            duration = 1 / self.rate
+            if picture.pts is not None and picture.duration > 0:
+                duration = picture.duration * (as_fraction(picture.time_base) or self.time_base)
+            end = time + duration
+            yield TimedPicture(picture, time, duration)
 
-    def last_duration(self, time: Fraction, duration: Fraction) -> Fraction:
-        """Return the duration of the last picture, at `time`, seconds: until the clip's end as the container declares
-        it.
+    def _last_duration(self, last: TimedPicture) -> Fraction:
+        """Return the duration of the last picture, seconds: until the clip's end as the container declares it.
 
-        If that end is implausible, it is the picture's own `duration`. An end is plausible within four frames after
-        `time`, or after the last packet even if that became no picture, since screen recordings omit pictures without
-        change.
+        If that end is implausible, it is the picture's own. An end is plausible within four frames after the time of
+        the picture, or after the last packet even if that became no picture, since screen recordings omit pictures
+        without change.
         """
+        time = last.time
         end = self._declared_end
         if self._says_duration and end is not None and self.file.stream.start_time is not None:
             last_packet = max(Fraction(0), self.file.last_start - self.start)
             if 0 < end - time <= 4 / self.rate or time < end <= last_packet + 4 / self.rate:
                 return end - time
-        return duration
+        return last.duration
 
     def remark_on_early_end(self, remarks: Remarks, name: str, end: Fraction, count: int, listed: int | None) -> None:
         """Add a remark if a file ends earlier than its header declares, at `end` after `count` frames."""
@@ -215,8 +239,8 @@ class VideoClock:
 
 
 def in_rising_order(
-    timed: Iterable[tuple[T, Fraction]], interval: Fraction, tick: Fraction, damage: Damage
-) -> Iterator[tuple[T, Fraction, bool]]:
+    pictures: Iterable[TimedPicture], interval: Fraction, tick: Fraction, damage: Damage
+) -> Iterator[tuple[TimedPicture, bool]]:
     """Yield frames at strictly increasing times, each as soon as the next valid time is known, and whether it is last.
 
     A frame far ahead of the next one is moved back to follow the frame before it. Frames not later than the frame
@@ -224,43 +248,42 @@ def in_rising_order(
     as in joined recordings, all later times are offset to continue from there. Repaired times are multiples of `tick`.
     """
     before: Fraction | None = None
-    last: tuple[T, Fraction] | None = None
-    strays: list[tuple[T, Fraction]] = []
+    last: TimedPicture | None = None
+    strays: list[TimedPicture] = []
     shift = Fraction(0)
-    for frame, own_time in timed:
-        time = own_time + shift
-        if last is not None and _is_far_ahead(before, last[1], time, interval, tick):
-            last = (
-                last[0],
-                time - interval if before is None else before + min(interval, (time - before) / 2 // tick * tick),
-            )
+    for picture in pictures:
+        frame = picture.later(shift)
+        time = frame.time
+        if last is not None and _is_far_ahead(before, last.time, time, interval, tick):
+            back = time - interval if before is None else before + min(interval, (time - before) / 2 // tick * tick)
+            last = last._replace(time=back)
             damage.far_ahead += 1
-        if last is not None and time <= last[1]:
-            strays.append((frame, time))
+        if last is not None and time <= last.time:
+            strays.append(frame)
             if len(strays) < MAX_WAITING:
                 continue
-            rising = all(one < other for (_, one), (_, other) in pairwise(strays))
-            ahead = last[1] + math.ceil(interval / tick) * tick - strays[0][1]
-            following = [(stray, at + ahead) for stray, at in strays] if rising else []
+            rising = all(one.time < other.time for one, other in pairwise(strays))
+            ahead = last.time + math.ceil(interval / tick) * tick - strays[0].time
+            following = [stray.later(ahead) for stray in strays] if rising else []
             shift += ahead if rising else 0
             damage.jumps += rising
             damage.misplaced += 0 if rising else len(strays)
         else:
-            following = [(frame, time)]
+            following = [frame]
             if last is not None:
-                fitting = _spread_evenly([stray for stray, _ in strays], last[1], time, interval, tick)
+                fitting = _spread_evenly(strays, last.time, time, interval, tick)
                 damage.displaced += len(fitting)
                 damage.misplaced += len(strays) - len(fitting)
                 following = [*fitting, *following]
         strays = []
         for placed in following:
             if last is not None:
-                yield *last, False
-                before = last[1]
+                yield last, False
+                before = last.time
             last = placed
     damage.misplaced += len(strays)
     if last is not None:
-        yield *last, True
+        yield last, True
 
 
 def _is_far_ahead(before: Fraction | None, time: Fraction, after: Fraction, interval: Fraction, tick: Fraction) -> bool:
@@ -273,10 +296,13 @@ def _is_far_ahead(before: Fraction | None, time: Fraction, after: Fraction, inte
 
 
 def _spread_evenly(
-    strays: list[T], begin: Fraction, end: Fraction, interval: Fraction, tick: Fraction
-) -> list[tuple[T, Fraction]]:
+    strays: list[TimedPicture], begin: Fraction, end: Fraction, interval: Fraction, tick: Fraction
+) -> list[TimedPicture]:
     """Return the frames that fit between two times, with times spread evenly between them."""
     fitting = strays[: max(round((end - begin) / interval) - 1, 0)]
     step = (end - begin) / (len(fitting) + 1)
-    places = [begin + math.floor(step * (number + 1) / tick) * tick for number in range(len(fitting))]
-    return list(zip(fitting, places, strict=True)) if step > tick else []
+    if step <= tick:
+        return []
+    return [
+        frame._replace(time=begin + math.floor(step * number / tick) * tick) for number, frame in enumerate(fitting, 1)
+    ]

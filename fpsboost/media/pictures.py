@@ -116,6 +116,11 @@ class Pictures(Iterator[VideoFrame]):
             return min(self._aspects, key=lambda aspect: abs(16 + 1000 * aspect - width))
         return self._aspects[0] if self._aspects else Fraction(1)
 
+    def unified(self, unifier: "FormatUnifier", first: int) -> Iterator[VideoFrame]:
+        """Yield the pictures, counted from `first`, in the format of the clip's first one."""
+        for number, picture in enumerate(self, first):
+            yield unifier.unified(picture, number, self.aspect_of(picture))
+
     @property
     def differ_from_packets(self) -> bool:
         """Whether damage or interchanged times have shown that not every packet is a picture at its time."""

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.cli.flags import in_flags
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.clock import in_rising_order
+from fpsboost.media.clock import TimedPicture, in_rising_order
 from fpsboost.media.frame_rate import measure_rate, nominal_rate
 from fpsboost.media.remarks import Damage
 from fpsboost.media.reorder_buffer import ReorderBuffer
@@ -189,10 +189,10 @@ INTERVAL = Fraction(1, 25)
 
 def ordered(milliseconds, damage=None):
     """Numbers and times, in milliseconds, of the frames that come out; only the last says that it is the last."""
-    timed = [(number, Fraction(time, 1000)) for number, time in enumerate(milliseconds)]
+    timed = [TimedPicture(number, Fraction(time, 1000), INTERVAL) for number, time in enumerate(milliseconds)]
     found = list(in_rising_order(timed, INTERVAL, MILLISECOND, damage or Damage()))
-    assert [is_last for _, _, is_last in found] == [number == len(found) for number in range(1, len(found) + 1)]
-    return [(number, int(time * 1000)) for number, time, _ in found]
+    assert [is_last for _, is_last in found] == [number == len(found) for number in range(1, len(found) + 1)]
+    return [(number, int(time * 1000)) for (number, time, _), _ in found]
 
 
 def test_good_times_pass():
