@@ -291,8 +291,6 @@ def main() -> None:
 def execute(tokens: Sequence[str]) -> None:
     """Run the command given by the words of the command line, or print its help; errors pass to the caller."""
     check_dashes(tokens)
-    # a value such as -1s is joined to its option, which refuses it; the parser takes it for a short option
-    tokens = re.sub(r"(\0|^)(--[a-z-]+)\0(?=-[.\d])", r"\1\2=", "\0".join(tokens)).split("\0")
     if tokens[0] in app:
         tokens = ["--help" if token == "-h" else token for token in tokens]
         if tokens[0] != "join":  # the others have no details to print but tracebacks

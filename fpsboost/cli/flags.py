@@ -113,6 +113,7 @@ def parameter_of(flag: Flag, group: Group) -> inspect.Parameter:
     kind = flag.kind
     default = flag.default
     metavar = flag.option.metavar
+    is_text = flag.option.parse is not None  # whose parser says what is wrong with one such as -1s
     if "PathLike" in str(kind):
         kind = str | None
     if isinstance(default, bool):
@@ -120,7 +121,7 @@ def parameter_of(flag: Flag, group: Group) -> inspect.Parameter:
         default = False
     else:
         metavar = metavar or next(_metavars[each] for each in _metavars if each in str(kind))
-        if flag.option.parse is not None:
+        if is_text:
             kind = tuple[str, ...] if isinstance(default, tuple) else str
             default = None
             kind |= None
@@ -130,12 +131,11 @@ def parameter_of(flag: Flag, group: Group) -> inspect.Parameter:
             proposed: Any = Literal[flag.option.choices] | str  # parsed like a text, with choices for a shell
             kind = tuple[proposed, ...] if get_origin(kind) is tuple else proposed | kind
     group = GROUPS[flag.option.group] if flag.option.group else group
-    is_main = group in GROUPS.values() and flag.name in MAIN_OPTIONS
+    if group in GROUPS.values() and flag.name in MAIN_OPTIONS:
+        group = GROUPS[MAIN]
+    names = [flag.name, f"-{flag.option.short}"] if flag.option.short else flag.name
     more = Parameter(
-        name=[flag.name, f"-{flag.option.short}"] if flag.option.short else flag.name,
-        help=in_flags(flag.option.help),
-        group=GROUPS[MAIN] if is_main else group,
-        metavar=metavar or None,
+        name=names, help=in_flags(flag.option.help), group=group, metavar=metavar or None, allow_leading_hyphen=is_text
     )
     return inspect.Parameter(
         flag.field, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, more]

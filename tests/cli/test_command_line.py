@@ -606,8 +606,11 @@ def test_usage_is_explained(fpsboost_, tmp_path):
     """A value that begins with a dash, and one where there is none to give."""
     for words, said in {
         "in.mp4 --start -1s": "--start '-1s' is not a position in a clip; write seconds",
+        "in.mp4 --start --end 5s": "--start '--end' is not a position in a clip; write seconds",
+        "in.mp4 --start": "--start needs a value; write one that begins with a dash as --start=-1.",
         "plan in/ out/ --budget -5%": "--budget must be a share of the pixels",
-        "in.mp4 --retime -x": "--retime needs a value; write one that begins with a dash as --retime=-1.",
+        "in.mp4 --retime -x": "Cannot read -x (No such file or directory); give --retime a file, or points",
+        "in.mp4 --mask -x": "--mask needs a value; write one that begins with a dash as --mask=-1.",
         "--help=foo": "--help takes no value; write it alone.",
         "probe --help=foo": "--help takes no value; write it alone.",
     }.items():
