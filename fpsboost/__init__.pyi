@@ -71,6 +71,8 @@ from .streaming import run_conversion as run_conversion
 from .synthesis import FramePair as FramePair
 from .synthesis import InterpolatedImage as InterpolatedImage
 from .synthesis import Synthesizer as Synthesizer
+from .timeline import FramePlace as FramePlace
+from .timeline import Guides as Guides
 from .timeline import TimelineOptions as TimelineOptions
 from .timing.options import FrameIntervals as FrameIntervals
 from .timing.options import Timing as Timing

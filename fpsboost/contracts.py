@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -212,6 +212,12 @@ class Summary:
     """Interpolated frames with places where motion is unsure, so that something else is shown there."""
     unsure_pixels: float = 0.0
     """Their unsure pixels, in frames."""
+    guided_frames: int = 0
+    """Interpolated frames that were made with a guide."""
+    guides_missing: list[int] = field(default_factory=list)
+    """Numbers of the interpolated frames without a guide, counted from 0 in the output; empty if none have one."""
+    guide_figures: dict[str, float] = field(default_factory=dict)
+    """Sums over `guided_frames` of what their guides told; see `fpsboost.synthesis.guided.GuideFindings`."""
     completed_frames: int = 0
     """Frames of `frames_out` that an earlier run had finished."""
     seconds: float = 0.0
@@ -236,6 +242,12 @@ class Summary:
         """Keep a match if it is the lowest so far; must be called in the order of the frames."""
         if match is not None and (self.lowest_match is None or match.match_score < self.lowest_match.match_score):
             self.lowest_match = match
+
+    def note_guides(self, count: int, figures: Mapping[str, float]) -> None:
+        """Add sums of figures over so many frames that were made with a guide."""
+        self.guided_frames += count
+        for name, figure in figures.items():
+            self.guide_figures[name] = self.guide_figures.get(name, 0.0) + figure
 
 
 @runtime_checkable

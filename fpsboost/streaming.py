@@ -33,6 +33,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.options import Range, checked
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.exposure import Exposure
+from fpsboost.synthesis.guided import Guide, GuideFindings, follow_guide
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timeline import Interval, ScheduledFrame, Timeline, TimelineOptions
 from fpsboost.timing.position import format_time
@@ -156,6 +157,8 @@ class MadeFrame(NamedTuple):
     motion: PairMotion | None = None
     scene: int = 0
     """Number of cuts before it."""
+    findings: GuideFindings | None = None
+    """What its guide told; None without one."""
 
 
 class Batch(NamedTuple):
@@ -211,8 +214,16 @@ class _Loop:
         if not output.is_missing:
             return MadeFrame(output, InterpolatedImage(output.source.image), motion=motion)
         image = next(images)
+        findings = None
+        if output.guide is not None:
+            guide = Guide.of(output.guide, *interval.key_guides)
+            pair = interval.pair
+            guided = follow_guide(pair.image0, pair.image1, image, guide, float(output.step.t))
+            image = InterpolatedImage(guided.image, guided.confidence)
+            findings = guided.findings
         is_exposed = output.step.frame_number is not None  # and averaged before it is masked
-        return MadeFrame(output, image if is_exposed else self.masked(image, output), motion=motion)
+        image = image if is_exposed else self.masked(image, output)
+        return MadeFrame(output, image, motion=motion, findings=findings)
 
     def repeated(self, output: ScheduledFrame, confidence: float) -> MadeFrame:
         """Return an output frame that repeats the source's, with this confidence unless it is shown at its own time."""
@@ -297,6 +308,16 @@ class _Loop:
             summary.unsure_pixels += made * pair.unsure_share
         if pair.search_radius is not None:
             summary.search_radii.add(pair.search_radius)
+        if self.timeline.options.guides is not None:
+            self.count_guides(batch)
+
+    def count_guides(self, batch: Batch) -> None:
+        """Count the frames that a task has made with and without a guide."""
+        for each in batch.frames:
+            if each.findings is not None:
+                self.summary.note_guides(1, each.findings._asdict())
+            elif each.output.is_interpolated and each.output.is_missing:
+                self.summary.guides_missing.append(each.output.number)
 
     def count_interval(self, interval: Interval) -> None:
         """Count the frames of an interval's group that are interpolated, and its cut, unless another run does."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.contracts import Entry, FrameSource, HasPositions, OutputRange, SourceMoment, Summary
@@ -18,6 +18,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator
+from fpsboost.layered import FrameImage
 from fpsboost.pair import Pair, triplewise
 from fpsboost.repair import group_replaced
 from fpsboost.timing.position import Replacement
@@ -27,6 +28,26 @@ from fpsboost.timing.schedule import RetimeSchedule, Schedule, Step, rising_time
 def positions_of(source: FrameSource) -> Callable[[int, Fraction], SourcePosition]:
     """Return the function that tells the position of a source's frame in its clip; see `HasPositions`."""
     return source.position_of if isinstance(source, HasPositions) else SourcePosition
+
+
+class FramePlace(NamedTuple):
+    """Where a frame is among the output frames and in time, by which its guide is found."""
+
+    number: Fraction | None
+    """Position among the output frames, counted from 0; None if that is not known."""
+    seconds: Fraction
+    """Time on the source's clock, seconds after the clip's first frame."""
+    interval: Fraction
+    """Time from an output frame to the next there, on that clock."""
+    source: SourceFrame | None
+    """The source's own frame of that time, if there is one."""
+
+
+class Guides(Protocol):
+    """Contract: pictures of frames that are to be made, and of those around them; see `fpsboost.synthesis.guided`."""
+
+    def picture(self, place: FramePlace) -> FrameImage | None:
+        """Return the picture of a frame; None if there is none. Frames are asked for in order."""
 
 
 class ScheduledFrame(NamedTuple):
@@ -42,6 +63,8 @@ class ScheduledFrame(NamedTuple):
     """The frame of the source that is nearest in time, of which a mask keeps areas."""
     is_missing: bool
     """Whether this run writes it, and no earlier run has."""
+    guide: FrameImage | None = None
+    """Picture of it that its synthesis follows."""
 
     @property
     def is_new(self) -> bool:
@@ -77,6 +100,8 @@ class Interval:
     """Whether frames of the group are replaced because they are damaged."""
     is_counted: bool
     """Whether it belongs to this run, of all that write a part of the output."""
+    key_guides: tuple[FrameImage | None, FrameImage | None] = (None, None)
+    """Guides of the two pictures."""
 
     def between(self, before: Interval | None, after: Interval | None) -> Interval:
         """Return the same interval, whose pair knows those of the intervals before and after."""
@@ -127,11 +152,14 @@ class TimelineOptions:
         are always kept, as are all frames where motion comes from a renderer's vectors.
     replacement : Replacement or None
         Frames that are replaced because they are damaged; duplicates are then kept.
+    guides : Guides or None
+        Guides of the frames that are made.
     """
 
     stretch: Fraction = Fraction(1)
     duplicates: DuplicateDetector | None = DuplicateDetector()
     replacement: Replacement | None = None
+    guides: Guides | None = None
 
 
 @dataclass
@@ -148,6 +176,8 @@ class Timeline:
     """`Step.frame_number` of the last output frame so far."""
     last: tuple[SourceFrame, ...] | None = None
     """Previous group of frames."""
+    last_guide: FrameImage | None = None
+    """Guide of the picture that the previous group shows."""
     end: Fraction = Fraction(0)
     """Time at which the clip ends, when all frames are read."""
     captions: list[tuple[Fraction, bytes]] = field(default_factory=list)
@@ -210,7 +240,9 @@ class Timeline:
     def _apart(self, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Interval]:
         """Yield the intervals by themselves, without those beside them."""
         for group in groups:
-            if self.last is not None:
+            if self.last is None:
+                self.last_guide = self._guide_of(group[0])
+            else:
                 yield self._interval(self.last, group[0])
             self.last = group
 
@@ -223,14 +255,35 @@ class Timeline:
         for source, after in pairwise([*group, following]):
             for step in self.schedule.steps(self.index, self.start, source.time, after.time):
                 nearest = min(shown, key=lambda each, time=step.time: abs(each.time - time))  # type: ignore[misc]
-                scheduled.append(self._scheduled(step, source, nearest))
+                each = self._scheduled(step, source, nearest)
+                if each.is_missing and (step.t > 0 or source is not group[0]):
+                    each = each._replace(guide=self._guide(Fraction(each.number), step.time, source))
+                scheduled.append(each)
             self.index += 1
         duration = following.time - group[0].time
         apart = following.time - shown[-2].time
         is_gap = following.frame.ends_gap
         pair = self.interpolator.pair(group[0], following, duration, apart=apart, is_gap=is_gap)
         is_counted = first_output in self.outputs
-        return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted)
+        key_guides = self.last_guide, self._guide_of(following)
+        self.last_guide = key_guides[1]
+        return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted, key_guides)
+
+    def _guide_of(self, source: SourceFrame) -> FrameImage | None:
+        """Return the guide of a frame of the source; must be called in order."""
+        # with a curve, its position is only that of the next output frame
+        return self._guide(source.output_position if self.curve is None else None, source.time, source)
+
+    def _guide(self, number: Fraction | None, time: Fraction, source: SourceFrame) -> FrameImage | None:
+        """Return the guide of a frame at a time, and at or behind a frame of the source; must be called in order."""
+        guides = self.options.guides
+        if guides is None:
+            return None
+        interval = 1 / self.schedule.rate(self.info.rate)
+        if self.curve is not None and number is not None:
+            interval = self.curve.source((number + 1) * interval) - self.curve.source(number * interval)
+        seconds = self.position_of(0, Fraction(0)).seconds + time - self.start
+        return guides.picture(FramePlace(number, seconds, interval, source if source.time == time else None))
 
     def _scheduled(self, step: Step, source: SourceFrame, nearest: SourceFrame) -> ScheduledFrame:
         """Return the output frame of a step; must be called in order."""
