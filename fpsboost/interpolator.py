@@ -11,22 +11,19 @@ from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from fpsboost.analysis.grain import match_grain
-from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy
 from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning
+from fpsboost.finishing import finish, measure_uncertainty, replace_unsure
 from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.image_checks import check_pair, check_values
 from fpsboost.motion import MotionEstimator, TakesPlanes
-from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
-from fpsboost.pair import Pair, as_bgr
-from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
-from fpsboost.synthesis.agreement import blend_fallback, measure_uncertainty
+from fpsboost.pair import Pair
+from fpsboost.synthesis import FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.generation import generate
 from fpsboost.synthesis.layers import MixesLayers
@@ -305,10 +302,8 @@ class Interpolator(Checked):
     def _synthesize(self, pair: Pair, times: list[float], *, with_confidence: bool) -> Iterator[InterpolatedImage]:
         scene = pair.within_scene
         if pair.is_discontinuous:
-            onward = self.at_cuts == "extrapolate"
-            fields = scene.extrapolated if onward else ZeroMotion().estimate(pair.image0, pair.image1)
-            image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair.layered, times)
+            frame_pair = scene.extrapolated if self.at_cuts == "extrapolate" else pair.at_rest
+            return generate(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
         if self.uncertain == "keep":
             return self._follow(scene, times, with_confidence=with_confidence)
         return self._fall_back(scene, times)
@@ -319,8 +314,9 @@ class Interpolator(Checked):
             return self._in_layers(self.mask, pair, times, with_confidence=with_confidence)
         frame_pair = pair.curved_frame_pair if self.curved else pair.frame_pair
         images = generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
-        # layers are mixed as the frames are, so that sums of layers stay sums
-        return images if pair.layered is not None else self._finish(images, times, pair)
+        if pair.layered is not None:  # they are mixed as the frames are, so that sums of layers stay sums
+            return images
+        return finish(images, times, pair, overlays=self.overlays, grain=self.match_grain)
 
     def _in_layers(
         self, mask: FrameMask, pair: Pair, times: list[float], *, with_confidence: bool
@@ -333,7 +329,7 @@ class Interpolator(Checked):
         shown = layer.images(layers, times, with_confidence=with_confidence)
         if not mask.counts_frames:  # what changes where it stands, such as digits, is not to be mixed
             still = layers.uncertainty_map(lambda: find_still_parts(layers.image0, layers.image1, layers.fields[0]))
-            shown = _replace_uncertain(shown, times, layers, still, mix=False)
+            shown = replace_unsure(shown, times, layers, still, mix=False)
         return map(mask.composite, behind, shown)
 
     def _fall_back(self, pair: Pair, times: list[float]) -> Iterator[InterpolatedImage]:
@@ -346,36 +342,7 @@ class Interpolator(Checked):
 
         uncertainty = pair.uncertainty_map(measure)
         images = made or self._follow(pair, times, with_confidence=True)
-        return _replace_uncertain(iter(images), times, pair, uncertainty, mix=self.uncertain == "blend")
-
-    def _finish(
-        self, images: Iterator[InterpolatedImage], times: list[float], pair: Pair
-    ) -> Iterator[InterpolatedImage]:
-        """Give images the illumination of their time, grain, and overlays as they are in the frames."""
-        overlay = None
-        image0 = pair.image0
-        image1 = pair.image1
-        illumination = pair.illumination
-        # a change of all light changes overlays, too
-        if self.overlays and (pair.before or pair.after) and (illumination is None or illumination.is_local):
-            first = (pair.before or pair).image0
-            overlay = find_overlay(image0, image1, first, (pair.after or pair).image1, pair.fields[0])
-        if overlay is not None and illumination is not None:  # which is applied to BGR
-            image0 = as_bgr(image0)
-            image1 = as_bgr(image1)
-        position = pair.image0.source_position
-        number = 0 if position is None else position.number
-        for (synthesized, confidence), t in zip(images, times, strict=True):
-            image = synthesized
-            if illumination is not None:
-                image = illumination.apply(view(image).array(), t, pair.image0.pixels.dtype)
-            if self.match_grain:
-                image = match_grain(view(image).picture, pair.grain, t, (number, int(np.float64(t).view(np.uint64))))
-            if overlay is not None:
-                keep_overlay(view(image).picture, image0.pixels, image1.pixels, t, overlay)
-                if confidence is not None:  # found still over four frames
-                    confidence[overlay] = 1
-            yield InterpolatedImage(image, confidence)
+        return replace_unsure(iter(images), times, pair, uncertainty, mix=self.uncertain == "blend")
 
     def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> Interpolator:
         """Return the interpolator with other vectors of a renderer, if it has any."""
@@ -389,16 +356,3 @@ class Interpolator(Checked):
         """Return an interpolator that does the same as far as that needs no rendered motion."""
         bare = {name: part.without_vectors() for name, part in self._parts.items() if isinstance(part, UsesVectors)}
         return replace(self, **bare)
-
-
-def _replace_uncertain(
-    images: Iterator[InterpolatedImage], times: Sequence[float], pair: Pair, weights: np.ndarray, *, mix: bool
-) -> Iterator[InterpolatedImage]:
-    """Put the two frames in place of parts of images, by a weight for each pixel; see `blend_fallback`."""
-    for (image, confidence), t in zip(images, times, strict=True):
-        pixels = view(image).picture
-        image0, image1 = (
-            view((frame if view(pixels).coding else as_bgr(frame)).image).picture
-            for frame in (pair.image0, pair.image1)
-        )
-        yield InterpolatedImage(blend_fallback(pixels, image0, image1, t, weights, mix=mix), confidence)

@@ -248,12 +248,19 @@ class Pair:
         return FramePair(*images, *neighbour.fields, duration=ratio, other_light=other_light)
 
     @property
-    def extrapolated(self) -> tuple[MotionField, MotionField]:
-        """Motion of each frame as it goes on from the pair before and after; zero motion where that is not known."""
-        onward, back = ZeroMotion().estimate(self.image0, self.image1)
-        return (
-            onward if self.before is None else self._extend(self.before.fields[1], self.before),
-            back if self.after is None else self._extend(self.after.fields[0], self.after),
+    def at_rest(self) -> FramePair:
+        """What a synthesizer takes of two frames that no motion connects."""
+        return FramePair(self.image0, self.image1, *ZeroMotion().estimate(self.image0, self.image1))
+
+    @property
+    def extrapolated(self) -> FramePair:
+        """The same in BGR, with the motion of each frame as it goes on from the pair before or after, if known."""
+        rest = self.at_rest
+        return FramePair(
+            as_bgr(self.image0),
+            as_bgr(self.image1),
+            rest.field01 if self.before is None else self._extend(self.before.fields[1], self.before),
+            rest.field10 if self.after is None else self._extend(self.after.fields[0], self.after),
         )
 
     def _extend(self, away: MotionField, neighbour: Pair) -> MotionField:

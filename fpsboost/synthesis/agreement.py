@@ -1,11 +1,8 @@
-"""Confidence of an in-between frame by the agreement of the two frames, and the fallback where confidence is low.
+"""Confidence of an in-between frame by the agreement of the two frames, for methods that have none of their own.
 
 Agreement is measured along the motion, for any synthesizer. Its measure is that of `fpsboost.kernels.multi_hypothesis`
 for a single motion, so that confidences of all methods are on one scale: patches of five by five blocks of two by two
 pixels, similarity ``exp(-d / 2 v^2)``, to the eighth power.
-
-The fallback replaces uncertain pixels by the two frames themselves, mixed or the nearer one, with soft edges
-(`measure_uncertainty`, `blend_fallback`).
 """
 
 import cv2
@@ -15,7 +12,6 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
 from fpsboost.kernels.constants import END_WEIGHT
 from fpsboost.motion.field import MotionField
-from fpsboost.options import Uncertain
 from fpsboost.synthesis import FramePair
 
 BANDWIDTH = 0.3
@@ -110,57 +106,6 @@ def sample(values: np.ndarray, motion: np.ndarray, interpolation: int) -> np.nda
 def _comparable(image: Pixels) -> np.ndarray:
     """Return an image as the agreement compares it; a function for `FrameCache.cached`."""
     return view(image).comparable()
-
-
-RAMP = 0.1
-"""Difference of confidence from the limit at which the weight of the fallback reaches 0 or 1."""
-
-SOFTNESS = 1 / 80  # standard deviation of the blur of confidence, as a fraction of the frame's longer side
-
-MAX_UNSURE = 0.2
-"""Largest share of uncertain pixels of a frame that is not held."""
-
-
-def measure_uncertainty(confidence: np.ndarray, below: float, uncertain: Uncertain) -> np.ndarray:
-    """Return the weight of the fallback at each pixel, (H, W) float32, 0 to 1.
-
-    It is continuous in place and in confidence, so that no edges and no flicker appear; with ``hold``, it is 0 or 1
-    everywhere.
-
-    Parameters
-    ----------
-    confidence : (H, W) float32
-        Confidence of the frame in the middle of a pair, whose fallback all frames of the pair share.
-    below : float
-        Confidence below which a pixel is uncertain.
-    uncertain : {'keep', 'blend', 'nearest', 'hold'}
-        Kind of fallback.
-    """
-    blurred = cv2.GaussianBlur(confidence, (0, 0), SOFTNESS * max(confidence.shape))
-    uncertainty = ((below + RAMP - blurred) / np.float32(2 * RAMP)).clip(0, 1)
-    return uncertainty if uncertain != "hold" else np.full_like(uncertainty, uncertainty.mean() > MAX_UNSURE)
-
-
-def blend_fallback(
-    image: Pixels, image0: Pixels, image1: Pixels, t: float, uncertainty: np.ndarray, *, mix: bool
-) -> Pixels:
-    """Return an image in which the two frames replace uncertain pixels, by the weight `uncertainty`.
-
-    Parameters
-    ----------
-    image : array or YCbCrImage
-        In-between frame.
-    image0, image1 : array or YCbCrImage
-        The two frames.
-    t : float
-        Time of the in-between frame, in (0, 1).
-    uncertainty : (H, W) float32
-        Weight of the fallback, see `measure_uncertainty`; pixels of weight 0 keep their value to the bit.
-    mix : bool
-        Whether the fallback is the mix of both frames by time, or the frame that is nearer in time.
-    """
-    nearer = image0 if t <= 0.5 else image1
-    return mix_by_weight(image, view(image0).mix(view(image1), t) if mix else nearer, uncertainty)
 
 
 def mix_by_weight(image: Pixels, other: Pixels, weights: np.ndarray) -> Pixels:
