@@ -30,7 +30,7 @@ import fpsboost
 from fpsboost.cli.flags import in_flags
 from fpsboost.cli.options import MessageOptions
 from fpsboost.errors import notes_of, rounded
-from fpsboost.media import Remark
+from fpsboost.media import Remark, counted
 from fpsboost.timing.options import readable
 from fpsboost.timing.position import as_ranges, format_time
 
@@ -280,10 +280,10 @@ class Reporter(ExitStack):
 
         With `in_place`, also the number of images that were added.
         """
-        frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
+        frames = f"{summary.frames_in} -> {counted(summary.frames_out, 'frame')}"
         frames += f", {summary.frames_out - summary.frames_in} added" * in_place
         for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
-            frames += f", {count} {what}{'s' if count > 1 else ''}" if count else ""
+            frames += f", {counted(count, what)}" if count else ""
         frames += f", {len(summary.replaced)} replaced" if summary.replaced else ""
         frames += f", {summary.completed_frames} of which were there already" if summary.completed_frames else ""
         if self._verbose and summary.search_radii:
@@ -304,7 +304,7 @@ class Reporter(ExitStack):
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
         if summary.unsure_frames:
             share = rounded(100 * summary.unsure_pixels / summary.unsure_frames, 2)
-            unsure = f"{summary.unsure_frames} frame{'s' if summary.unsure_frames > 1 else ''}"
+            unsure = counted(summary.unsure_frames, "frame")
             self._say(f"Unsure: {share} % of the pixels of {unsure}, where motion is not used.")
         if summary.replaced:
             self._say(f"Replaced: {as_ranges(summary.replaced)}.")
