@@ -20,7 +20,7 @@ from rich.table import Table
 from fpsboost import __version__
 from fpsboost.cli import stop_signals
 from fpsboost.cli.errors import PIPE, all_explained, standard_output_finished
-from fpsboost.cli.flags import GROUPS, MAIN, default_text, with_flags
+from fpsboost.cli.flags import GROUPS, MAIN, OWN_OPTIONS, Further, Input, default_text, with_flags
 from fpsboost.cli.messages import (
     LibraryTexts,
     as_objects,
@@ -103,8 +103,6 @@ fi
 """
 """Call of the function of Cyclopts' script for zsh: at the first TAB of a file of ``$fpath``, or once it is sourced."""
 
-group_of_join = Group("Options", sort_key=1)
-
 app = App(
     name="fpsboost",
     help="Raise the frame rate of a video or an image sequence.",
@@ -122,10 +120,10 @@ app = App(
 @app.default
 @with_flags
 def convert(
-    input: Annotated[PathName, Parameter(name="IN")],
+    input: Input,
     output: Annotated[PathName | None, Parameter(name="OUT")] = None,
     /,
-    *more: Annotated[PathName, Parameter(show=False)],
+    *more: Further,
     decoding: Annotated[DecodeOptions, GROUPS["Input"]],
     timing: Annotated[Timing, GROUPS["Rate"]],
     motion: Annotated[MethodOptions, GROUPS["Method"]],
@@ -199,9 +197,9 @@ def join(
     output: Annotated[PathName, Parameter(name="OUT")],
     part: Annotated[PathName, Parameter(name="PART")],
     /,
-    *more: Annotated[PathName, Parameter(show=False)],
-    options: Annotated[JoinOptions, group_of_join],
-    messages: Annotated[MessageOptions, group_of_join],
+    *more: Further,
+    options: Annotated[JoinOptions, OWN_OPTIONS],
+    messages: Annotated[MessageOptions, OWN_OPTIONS],
 ) -> None:
     """Join the parts of a conversion.
 

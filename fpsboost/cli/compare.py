@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Annotated, NamedTuple
 
-from cyclopts import Group, Parameter
+from cyclopts import Group
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
@@ -24,13 +24,12 @@ from rich.table import Column, Table
 import fpsboost
 from fpsboost import evaluation
 from fpsboost.cli import messages
-from fpsboost.cli.flags import GROUPS, with_flags
+from fpsboost.cli.flags import GROUPS, Further, Input, with_flags
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import (
     ComparedMethodOptions,
     CutOptions,
     HoldOutOptions,
-    PathName,
     ResultOptions,
     check_named_once,
 )
@@ -60,9 +59,9 @@ frames_group = Group("Frames", sort_key=1)
 
 @with_flags
 def compare(
-    input: Annotated[PathName, Parameter(name="IN")],
+    input: Input,
     /,
-    *more: Annotated[PathName, Parameter(show=False)],
+    *more: Further,
     decoding: Annotated[DecodeOptions, frames_group],
     frames: Annotated[HoldOutOptions, frames_group],
     method_options: Annotated[ComparedMethodOptions, Group("Methods", sort_key=2)],

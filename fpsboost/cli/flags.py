@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from cyclopts import Group, Parameter
 
-from fpsboost.cli.options import METHOD_HELP, option_classes
+from fpsboost.cli.options import METHOD_HELP, PathName, option_classes
 from fpsboost.options import Flag, flags_of, options_from
 
 QUOTES = "'\""
@@ -44,6 +44,14 @@ GROUPS = {
 
 MAIN_OPTIONS = ("--factor", "--fps", "--slow-motion", "--speed", "--method", "--codec", "--crf", "--in-place")
 """Options that come first in the help of a conversion, and alone in the short one: those that README explains."""
+
+OWN_OPTIONS = Group("Options", sort_key=1)
+"""Group of a command's options, if it has a single one."""
+
+Input = Annotated[PathName, Parameter(name="IN")]
+"""Argument of a command that is a clip."""
+Further = Annotated[PathName, Parameter(show=False)]
+"""Argument that may be repeated, which the usage shows."""
 
 _metavars = {
     "Literal": "HOW",

@@ -9,19 +9,18 @@ from rich.console import Console
 from rich.table import Table
 
 import fpsboost
-from fpsboost.cli.flags import with_flags
+from fpsboost.cli.flags import OWN_OPTIONS, Input, with_flags
 from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions
 from fpsboost.rerender import MergeOptions, PlanOptions
 
 budget = Group("Regions", sort_key=1)
 method = Group("Method", sort_key=2)
-merge_options = Group("Options", sort_key=1)
 
 
 @with_flags
 def plan(
-    input: Annotated[PathName, Parameter(name="IN")],
+    input: Input,
     folder: Annotated[PathName, Parameter(name="DIR")],
     /,
     *,
@@ -69,8 +68,8 @@ def merge(
     output: Annotated[PathName, Parameter(name="OUT")],
     /,
     *,
-    options: Annotated[MergeOptions, merge_options],
-    quiet: Annotated[bool, Parameter(group=merge_options, name=["--quiet", "-q"])] = False,
+    options: Annotated[MergeOptions, OWN_OPTIONS],
+    quiet: Annotated[bool, Parameter(group=OWN_OPTIONS, name=["--quiet", "-q"])] = False,
 ) -> None:
     """Put rendered regions into interpolated frames.
 

@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.compare import split_methods
-from fpsboost.cli.flags import GROUPS, in_flags, with_flags
+from fpsboost.cli.flags import GROUPS, Input, in_flags, with_flags
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import CutOptions, MethodOptions, PathName, PreviewOptions, command_line
 from fpsboost.conflicts import check_together
@@ -26,7 +26,7 @@ from fpsboost.timing.options import Timing
 
 @with_flags
 def preview(
-    input: Annotated[PathName, Parameter(name="IN")],
+    input: Input,
     page: Annotated[PathName | None, Parameter(name="PAGE")] = None,
     /,
     *,

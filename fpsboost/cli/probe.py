@@ -6,13 +6,12 @@ import json as plain
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
-from fpsboost.cli.flags import in_flags
+from fpsboost.cli.flags import OWN_OPTIONS, Input, in_flags
 from fpsboost.cli.messages import as_objects, fact_table, literal, sentence
-from fpsboost.cli.options import PathName
 from fpsboost.errors import rounded
 from fpsboost.timing.position import as_ranges
 from fpsboost.timing.schedule import parse_rate
@@ -24,17 +23,16 @@ if TYPE_CHECKING:
 MAX_WIDTH = 80
 MAX_CUTS = 24
 """Maximum number of cuts whose times are printed; --json has them all."""
-options = Group("Options", sort_key=1)
 
 
 def probe(
-    input: Annotated[PathName, Parameter(name="IN")],
+    input: Input,
     /,
     *,
-    input_fps: Annotated[str | None, Parameter(group=options, metavar="RATE")] = None,
-    stream: Annotated[int | None, Parameter(group=options, metavar="N")] = None,
-    allow_playlists: Annotated[bool, Parameter(group=options)] = False,
-    json: Annotated[bool, Parameter(group=options)] = False,
+    input_fps: Annotated[str | None, Parameter(group=OWN_OPTIONS, metavar="RATE")] = None,
+    stream: Annotated[int | None, Parameter(group=OWN_OPTIONS, metavar="N")] = None,
+    allow_playlists: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False,
+    json: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False,
 ) -> None:
     """Print the properties of a clip, and what a conversion keeps.
 
