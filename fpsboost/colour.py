@@ -9,7 +9,6 @@ is a logarithm above, with the slope of sRGB in the darkest shadows. What is mix
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import cv2
@@ -124,9 +123,14 @@ def srgb_encoded(light: np.ndarray) -> np.ndarray:
     return np.where(light <= SRGB_TOE, light * np.float32(12.92), curve).clip(0, 1)
 
 
-luma_weights = MappingProxyType(
-    {1: (0.2126, 0.0722), 4: (0.30, 0.11), 5: (0.299, 0.114), 6: (0.299, 0.114), 7: (0.212, 0.087), 9: (0.2627, 0.0593)}
-)
+luma_weights = {
+    1: (0.2126, 0.0722),
+    4: (0.30, 0.11),
+    5: (0.299, 0.114),
+    6: (0.299, 0.114),
+    7: (0.212, 0.087),
+    9: (0.2627, 0.0593),
+}
 """Luma weights (red, blue) by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
 
 

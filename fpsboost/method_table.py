@@ -57,7 +57,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
 """Methods by their names on the command line."""
 
 
-BYTES_PER_PIXEL_OF: Mapping[type, int] = MappingProxyType({ZeroMotion: 70, CoarseToFine: 150, BlockMatching: 140})
+BYTES_PER_PIXEL_OF: Mapping[type, int] = {ZeroMotion: 70, CoarseToFine: 150, BlockMatching: 140}
 """Bytes of memory for a pixel of 8 to 16 bits in a conversion of images, by the estimator of motion.
 
 Measured with 8 and with 16 bits: 34 and 73 with `blend` and `nearest`, 74 and 120 with `nlm`, 63 and 112 with

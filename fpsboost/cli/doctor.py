@@ -16,24 +16,22 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from itertools import groupby
 from operator import attrgetter
-from types import MappingProxyType
 from typing import Annotated, Literal
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
 from fpsboost import __version__
+from fpsboost.cli.flags import OWN_OPTIONS
 from fpsboost.cli.messages import console, literal
 from fpsboost.memory import available_memory
 from fpsboost.threads import available_cores
 
 MAX_WIDTH = 100
 
-options = Group("Options", sort_key=1)
 
-
-def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
+def doctor(*, json: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False) -> None:
     """Check whether fpsboost works on this machine.
 
     Parameters
@@ -66,13 +64,11 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
         sys.exit(1)
 
 
-libraries: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "NumPy": ("numpy", "numpy"),
-        "OpenCV": ("cv2", "opencv-contrib-python-headless"),
-        "PyAV": ("av", "av"),
-    }
-)
+libraries = {
+    "NumPy": ("numpy", "numpy"),
+    "OpenCV": ("cv2", "opencv-contrib-python-headless"),
+    "PyAV": ("av", "av"),
+}
 """Module and package of the libraries without which nothing works."""
 
 DECODERS = (
@@ -91,7 +87,7 @@ DECODERS = (
 )
 """FFmpeg's decoders of what people film and render."""
 
-known_digests: Mapping[str, str] = MappingProxyType({"nlm": "4fd5003afa61b633", "nlm-fast": "d8bdb73224a62ead"})
+known_digests = {"nlm": "4fd5003afa61b633", "nlm-fast": "d8bdb73224a62ead"}
 """First digits of the digests of `fpsboost.parts.manifest` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
 
 MAX_ERROR = 4.0
@@ -196,11 +192,9 @@ REINSTALL_PYAV = "reinstall the wheel of av with pip."
 OTHER_BITS = "results differ from other machines: convert parts of one video on machines of this kind only"
 REINSTALL = "reinstall fpsboost with pip."
 
-_looks: Mapping[Part, tuple[Callable[[], Iterator[Finding]], str]] = MappingProxyType(
-    {
-        "codecs": (_codecs, f"FFmpeg cannot be used; {REINSTALL_PYAV}"),
-        "machine": (_machine, f"The processor cannot be examined; {REINSTALL}"),
-        "self-test": (_self_test, f"No frame can be interpolated; {REINSTALL}"),
-    }
-)
+_looks: Mapping[Part, tuple[Callable[[], Iterator[Finding]], str]] = {
+    "codecs": (_codecs, f"FFmpeg cannot be used; {REINSTALL_PYAV}"),
+    "machine": (_machine, f"The processor cannot be examined; {REINSTALL}"),
+    "self-test": (_self_test, f"No frame can be interpolated; {REINSTALL}"),
+}
 """Checks after those of programs and kernels, and the advice where one raises an error."""

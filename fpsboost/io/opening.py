@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
@@ -201,9 +200,12 @@ def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
 
 Kind = Literal["video", "pipe", "animation", "images"]
 
-sinks: Mapping[Kind, Callable[[Output], FrameSink]] = MappingProxyType(
-    {"video": VideoSink, "pipe": PipeSink, "animation": AnimationSink, "images": ImageSink}
-)
+sinks: Mapping[Kind, Callable[[Output], FrameSink]] = {
+    "video": VideoSink,
+    "pipe": PipeSink,
+    "animation": AnimationSink,
+    "images": ImageSink,
+}
 """Sink of a whole output by its kind."""
 
 

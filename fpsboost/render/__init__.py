@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 if TYPE_CHECKING:
@@ -74,14 +73,12 @@ class VectorConvention:
         )
 
 
-conventions: Mapping[str, VectorConvention] = MappingProxyType(
-    {
-        "blender": VectorConvention((StoredVectors("backward", 1, -1), StoredVectors("forward", -1, 1))),
-        "nuke": VectorConvention((StoredVectors("forward", 1, -1), StoredVectors("backward", 1, -1))),
-        "forward-up": VectorConvention((StoredVectors("forward", 1, -1),)),
-        "forward-down": VectorConvention((StoredVectors("forward", 1, 1),)),
-        "backward-up": VectorConvention((StoredVectors("backward", 1, -1),)),
-        "backward-down": VectorConvention((StoredVectors("backward", 1, 1),)),
-    }
-)
+conventions: Mapping[str, VectorConvention] = {
+    "blender": VectorConvention((StoredVectors("backward", 1, -1), StoredVectors("forward", -1, 1))),
+    "nuke": VectorConvention((StoredVectors("forward", 1, -1), StoredVectors("backward", 1, -1))),
+    "forward-up": VectorConvention((StoredVectors("forward", 1, -1),)),
+    "forward-down": VectorConvention((StoredVectors("forward", 1, 1),)),
+    "backward-up": VectorConvention((StoredVectors("backward", 1, -1),)),
+    "backward-down": VectorConvention((StoredVectors("backward", 1, 1),)),
+}
 """Conventions by the names that options have for them."""

@@ -8,8 +8,6 @@ only two frames at a time. With a shutter, there are further times within an out
 into motion blur.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

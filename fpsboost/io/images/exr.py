@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -23,9 +22,7 @@ from fpsboost.memory import MemoryLimit
 
 Precision = Literal["uint", "half", "float"]
 
-numpy_types: Mapping[Precision, type[np.generic]] = MappingProxyType(
-    {"uint": np.uint32, "half": np.float16, "float": np.float32}
-)
+numpy_types: Mapping[Precision, type[np.generic]] = {"uint": np.uint32, "half": np.float16, "float": np.float32}
 """Types of channels in memory."""
 
 _precisions: Mapping[str, Precision] = {name: name for name in numpy_types}
