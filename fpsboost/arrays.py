@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, count, cycle, islice, takewhile
@@ -26,6 +26,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF, find_method
 from fpsboost.options import Duplicates, PathName, Range, Rate, checked
+from fpsboost.run_options import Progress
 from fpsboost.streaming import interpolate_frames
 from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.options import Timing
@@ -143,7 +144,7 @@ def interpolate_clip(
     layout: Literal["nhwc", "nchw"] = ...,
     duplicates: Duplicates = ...,
     threads: int | None = ...,
-    progress: Callable[[int, int | None], object] | None = ...,
+    progress: Progress | None = ...,
 ) -> Iterator[tuple[Image, Fraction]]: ...
 @overload
 def interpolate_clip(
@@ -158,7 +159,7 @@ def interpolate_clip(
     layout: Literal["nhwc", "nchw"] = ...,
     duplicates: Duplicates = ...,
     threads: int | None = ...,
-    progress: Callable[[int, int | None], object] | None = ...,
+    progress: Progress | None = ...,
 ) -> tuple[Image, list[Fraction]]: ...
 @checked
 def interpolate_clip(
@@ -173,7 +174,7 @@ def interpolate_clip(
     layout: Literal["nhwc", "nchw"] = "nhwc",
     duplicates: Duplicates = "interpolate",
     threads: Annotated[int, Range(1)] | None = None,
-    progress: Callable[[int, int | None], object] | None = None,
+    progress: Progress | None = None,
 ) -> Any:
     """Raise the frame rate of a whole clip of arrays, such as one that a program has generated.
 
@@ -333,7 +334,7 @@ def _clip_frames(
     loop: bool,
     options: TimelineOptions,
     threads: int | None,
-    progress: Callable[[int, int | None], object] | None,
+    progress: Progress | None,
 ) -> Iterator[tuple[Image, Fraction]]:
     """Yield the output frames of a clip with their times; see `interpolate_clip`.
 

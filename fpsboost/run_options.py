@@ -15,6 +15,9 @@ from fpsboost.options import Checked, PathName, Range, option
 
 MAX_PARTS = 9999
 
+Progress = Callable[[int, int | None], object]
+"""Function that is told how many frames are done, and how many there are, None if that is unknown."""
+
 
 @dataclass(frozen=True)
 class Part(Checked):
@@ -111,7 +114,7 @@ class RunOptions(Checked):
     threads: Annotated[int, Range(1)] | None = option(None, "Pairs of frames in parallel; else one per core.")
     chunk: Part | None = option(None, "Convert part K of N; see fpsboost join.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
-    progress: Callable[[int, int | None], object] | None = None
+    progress: Progress | None = None
     cancel: Callable[[], object] | None = None
     watcher: FrameWatcher | None = None
     side: SideOutputs = SideOutputs()

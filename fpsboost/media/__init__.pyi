@@ -27,6 +27,7 @@ from .frame_rate import ASSUMED_RATE as ASSUMED_RATE
 from .frame_rate import measure_rate as measure_rate
 from .info import FOREVER as FOREVER
 from .info import ClipInfo as ClipInfo
+from .info import EncoderOptions as EncoderOptions
 from .info import EncodeSettings as EncodeSettings
 from .info import OutputTiming as OutputTiming
 from .info import Reading as Reading

@@ -10,7 +10,7 @@ from av.codec.context import OptionFlags
 
 from fpsboost.media.containers import Container
 from fpsboost.media.errors import OptionError, choose_one
-from fpsboost.media.info import ClipInfo, EncodeSettings
+from fpsboost.media.info import ClipInfo, EncoderOptions, EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import has_alpha
 from fpsboost.media.pyav import find_codec
@@ -62,9 +62,9 @@ class Encoder:
     presets: tuple[str, ...] = ()
     preset_option: str = "preset"
     """FFmpeg's option for the preset."""
-    fixed_options: tuple[tuple[str, str], ...] = ()
+    fixed_options: EncoderOptions = ()
     """Options that are always given."""
-    lossless: tuple[tuple[str, str], ...] = ()
+    lossless: EncoderOptions = ()
     """Options for lossless encoding; empty where none is reliably lossless."""
     needs_whole_chroma: bool = False
     """Whether subsampled chroma requires an even width or height."""
@@ -72,7 +72,7 @@ class Encoder:
     """Pixel formats with alpha that it opens, where it lists others; None where it opens all that it lists."""
     threads: int | None = None
     """Threads for pictures of any size; None for the usual number."""
-    repeatable_options: tuple[tuple[str, str], ...] = ()
+    repeatable_options: EncoderOptions = ()
     """Options that, beside the number of threads, make its packets the same on any number of cores."""
 
 
@@ -321,7 +321,7 @@ def _check_pixel_format(codec: Codec, asked: str | None) -> None:
         raise OptionError(f"`pixel_format={asked!r}` is no pixel format of FFmpeg; use one such as yuv420p.") from None
 
 
-def repeatable_options(encoder: Encoder, given: Collection[str], info: ClipInfo) -> tuple[tuple[str, str], ...]:
+def repeatable_options(encoder: Encoder, given: Collection[str], info: ClipInfo) -> EncoderOptions:
     """Return the options with which an encoder makes the same packets on any number of cores, beside those `given`.
 
     The number of cores would decide how many threads an encoder has, and many cut pictures into other slices, search

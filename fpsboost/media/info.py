@@ -12,6 +12,9 @@ MAX_DISPLAY_RATE = 300
 MAX_RATE_RATIO = 10
 """Ratio of the nominal to the mean rate above which nearly all frames would be made where nothing moves."""
 
+EncoderOptions = tuple[tuple[str, str], ...]
+"""Names and values of options that an encoder has of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class ClipInfo:
@@ -138,7 +141,7 @@ class EncodeSettings:
     bitrate: int | None = None
     lossless: bool = False
     pixel_format: str | None = None
-    encoder_options: tuple[tuple[str, str], ...] = ()
+    encoder_options: EncoderOptions = ()
     audio_codec: str | None = None
     audio_bitrate: int | None = None
     audio: bool = True

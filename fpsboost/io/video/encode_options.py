@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Annotated, Self
 
 from fpsboost.errors import OptionError
-from fpsboost.media import EncodeSettings
+from fpsboost.media import EncoderOptions, EncodeSettings
 from fpsboost.options import Checked, Range, option
 
 BitRate = Annotated[int, Range(1000, 2_000_000_000, unit=" bits per second")]
@@ -21,7 +21,7 @@ def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
     return round(Fraction(match[1]) * {"": 1, "k": 1000, "m": 1_000_000}[match[2].lower()])
 
 
-def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:
+def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> EncoderOptions:
     """Split options of the form ``key=value``; messages name them by `option`."""
     texts = [texts] if isinstance(texts, str) else texts
     pairs: list[tuple[str, str]] = []
@@ -58,7 +58,7 @@ class Encoding(Checked, EncodeSettings):
     bitrate: BitRate | None = option(None, "Bits per second instead of `crf`: 8M, 800k.", parse=parse_bitrate)
     lossless: bool = option(False, "Encode without loss.")
     pixel_format: str | None = option(None, "Pixel format: yuv420p10le...; else the input's.", flag="pix-fmt")
-    encoder_options: tuple[tuple[str, str], ...] = option(
+    encoder_options: EncoderOptions = option(
         (),
         "Option of the encoder itself; repeatable.",
         flag="encoder-option",
