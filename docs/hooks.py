@@ -12,6 +12,7 @@ import html
 import posixpath
 import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from mkdocs.exceptions import PluginError
 import fpsboost
 from fpsboost.cli.app import app
 from fpsboost.cli.flags import in_flags
-from fpsboost.conflicts import CONFLICTS, LEAVE_ONE, NEEDS, in_sentence, names_in
+from fpsboost.conflicts import CONFLICTS, LEAVE_ONE, NEEDS, in_sentence
 
 ROOT = Path(__file__).parents[1]
 
@@ -95,15 +96,15 @@ def conflicts() -> str:
     lines = ["| options | not with | because |", "|---|---|---|"]
     for options, others, reason, advice, unless in CONFLICTS:
         way = "" if advice == LEAVE_ONE else f"; {advice}"
-        exception = f", unless with {listed(unless)}" if unless else ""
+        exception = f", unless with {listed((unless,))}" if unless else ""
         lines.append(f"| {listed(options)} | {listed(others)}{exception} | {with_flags(reason)}{way} |")
     lines += ["", "| option | only with |", "|---|---|"]
-    return "\n".join(lines + [f"| {listed(option)} | {listed(others)} |" for option, others in NEEDS.items()])
+    return "\n".join(lines + [f"| {listed((option,))} | {listed(others)} |" for option, others in NEEDS.items()])
 
 
-def listed(names: str) -> str:
-    """Return the names in an entry of these tables as flags."""
-    return with_flags(", ".join(map(in_sentence, names_in(names))))
+def listed(names: Sequence[str]) -> str:
+    """Return options and uses in an entry of these tables, options as flags."""
+    return with_flags(", ".join(map(in_sentence, names)))
 
 
 def with_flags(text: str) -> str:

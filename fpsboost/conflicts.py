@@ -2,10 +2,9 @@
 and a section of the documentation come.
 
 An option is named by its field, with a value where only that one counts: ``audio=False``. Uses that are no option of
-their own are described: "several inputs".
+their own are described.
 """
 
-import re
 from itertools import product
 from typing import NamedTuple
 
@@ -13,16 +12,16 @@ from fpsboost.errors import OptionError
 
 LEAVE_ONE = "leave one of them out"
 BY_ITSELF = "use it by itself, and convert its output"
-ONE_BY_ONE = "take the clips one by one"
-IN_ONE_RUN = "convert it in one run"
+
+USES = ("a preview", "several inputs", "`retime` that plays backwards", "`cuts` by frames", "`mask` by frames")
+"""What the tables name beside options, in words."""
 
 
 class Conflict(NamedTuple):
-    """Options, others with which each of them cannot be combined, and the reason."""
+    """Options and uses, others with which each of them cannot be combined, and the reason."""
 
-    options: str
-    """Names with commas between."""
-    others: str
+    options: tuple[str, ...]
+    others: tuple[str, ...]
     reason: str
     advice: str = LEAVE_ONE
     unless: str = ""
@@ -30,87 +29,121 @@ class Conflict(NamedTuple):
 
 
 CONFLICTS = (
-    Conflict("factor", "fps, to_fps", "both set the output rate", unless="slow_motion"),
-    Conflict("fps_num", "factor_num, factor_den", "both set the output rate"),
-    Conflict("fps", "keep_timing", "one makes the rate constant, and the other keeps it variable"),
-    Conflict("retime", "speed", "both set the speed"),
-    Conflict("retime, speed", "slow_motion, keep_timing, fill_gaps", "both set the timing"),
-    Conflict("fill_gaps", "keep_timing, replace", "`fill_gaps` makes missing images alone, at a constant rate"),
-    Conflict("loop", "replace", "a loop goes on beyond the frames that `replace` counts"),
+    Conflict(("factor",), ("fps", "to_fps"), "both set the output rate", unless="slow_motion"),
+    Conflict(("fps_num",), ("factor_num", "factor_den"), "both set the output rate"),
+    Conflict(("fps",), ("keep_timing",), "one makes the rate constant, and the other keeps it variable"),
+    Conflict(("retime",), ("speed",), "both set the speed"),
+    Conflict(("retime", "speed"), ("slow_motion", "keep_timing", "fill_gaps"), "both set the timing"),
+    Conflict(("fill_gaps",), ("keep_timing", "replace"), "`fill_gaps` makes missing images alone, at a constant rate"),
+    Conflict(("loop",), ("replace",), "a loop goes on beyond the frames that `replace` counts"),
     Conflict(
-        "duplicates='drop'",
-        "retime, speed, loop, fill_gaps, replace, vectors, in_place, `cuts` by frames, `mask` by frames",
+        ("duplicates='drop'",),
+        (
+            "retime",
+            "speed",
+            "loop",
+            "fill_gaps",
+            "replace",
+            "vectors",
+            "in_place",
+            "`cuts` by frames",
+            "`mask` by frames",
+        ),
         "without repeats, frames have other numbers than in the clip",
         BY_ITSELF,
     ),
     Conflict(
-        "gaps",
-        "retime, speed, loop, fill_gaps, replace, keep_timing, duplicates='drop', vectors, in_place, cuts, start, end",
+        ("gaps",),
+        (
+            "retime",
+            "speed",
+            "loop",
+            "fill_gaps",
+            "replace",
+            "keep_timing",
+            "duplicates='drop'",
+            "vectors",
+            "in_place",
+            "cuts",
+            "start",
+            "end",
+        ),
         "`gaps` changes the times of the frames",
         BY_ITSELF,
     ),
     Conflict(
-        "gaps, duplicates='drop'",
-        "a preview",
+        ("gaps", "duplicates='drop'"),
+        ("a preview",),
         "a preview reads passages alone, and the whole clip is needed",
         "convert the clip, and preview that",
     ),
     Conflict(
-        "`retime` that plays backwards",
-        "cuts, replace, loop, `mask` by frames",
+        ("`retime` that plays backwards",),
+        ("cuts", "replace", "loop", "`mask` by frames"),
         "backwards, the frames come in another order than in the clip",
     ),
-    Conflict("vectors", "retime, speed, shutter", "rendered vectors exist for frames at the usual times alone"),
-    Conflict("vectors", "loop", "no rendered vectors lead from the last frame to the first"),
-    Conflict("vectors", "mask_as='layer'", "a layer and what is behind it need vectors of their own"),
-    Conflict("in_place", "retime, speed", "`in_place` makes images at whole frame numbers alone, and not at any time"),
     Conflict(
-        "in_place", "shutter", "`in_place` keeps the originals, and `shutter` blurs them", "write to another folder"
+        ("vectors",), ("retime", "speed", "shutter"), "rendered vectors exist for frames at the usual times alone"
     ),
-    Conflict("in_place", "overwrite", "`in_place` replaces nothing"),
-    Conflict("shutter", "confidence, save_motion", "a mean of several frames has no one map"),
-    Conflict("resume", "confidence, save_motion", "frames that are finished are not computed again"),
-    Conflict("chunk", "in_place, confidence, save_motion", "a part is written into a folder of its own"),
-    Conflict("cluster", "in_place, confidence, save_motion, chunk", "a cluster makes parts, in folders of their own"),
-    Conflict("chunk, cluster", "loop", "a loop leads from the last frame to the first", IN_ONE_RUN),
-    Conflict("chunk", "a dry run", "a dry run estimates the whole conversion"),
+    Conflict(("vectors",), ("loop",), "no rendered vectors lead from the last frame to the first"),
+    Conflict(("vectors",), ("mask_as='layer'",), "a layer and what is behind it need vectors of their own"),
     Conflict(
-        "vectors, chunk, confidence, save_motion, frames_of",
-        "several inputs",
+        ("in_place",), ("retime", "speed"), "`in_place` makes images at whole frame numbers alone, and not at any time"
+    ),
+    Conflict(
+        ("in_place",),
+        ("shutter",),
+        "`in_place` keeps the originals, and `shutter` blurs them",
+        "write to another folder",
+    ),
+    Conflict(("in_place",), ("overwrite",), "`in_place` replaces nothing"),
+    Conflict(("shutter",), ("confidence", "save_motion"), "a mean of several frames has no one map"),
+    Conflict(("resume",), ("confidence", "save_motion"), "frames that are finished are not computed again"),
+    Conflict(("chunk",), ("in_place", "confidence", "save_motion"), "a part is written into a folder of its own"),
+    Conflict(
+        ("cluster",),
+        ("in_place", "confidence", "save_motion", "chunk"),
+        "a cluster makes parts, in folders of their own",
+    ),
+    Conflict(("chunk", "cluster"), ("loop",), "a loop leads from the last frame to the first", "convert it in one run"),
+    Conflict(("chunk",), ("dry_run",), "a dry run estimates the whole conversion"),
+    Conflict(
+        ("vectors", "chunk", "confidence", "save_motion", "frames_of"),
+        ("several inputs",),
         "each clip would need its own",
-        ONE_BY_ONE,
+        "take the clips one by one",
     ),
-    Conflict("cuts, cut_threshold", "no_cuts", "both say where scenes end"),
-    Conflict("cuts", "cut_threshold", "both say where scenes end"),
-    Conflict("crf, lossless", "bitrate", "both set the quality"),
-    Conflict("crf", "lossless", "both set the quality"),
-    Conflict("audio_bitrate", "audio_codec='copy'", "a copy keeps its bit rate"),
-    Conflict("audio=False", "audio_codec, slow_motion_sound='stretch'", "there is no sound to write"),
+    Conflict(("cuts", "cut_threshold"), ("no_cuts",), "both say where scenes end"),
+    Conflict(("cuts",), ("cut_threshold",), "both say where scenes end"),
+    Conflict(("crf", "lossless"), ("bitrate",), "both set the quality"),
+    Conflict(("crf",), ("lossless",), "both set the quality"),
+    Conflict(("audio_bitrate",), ("audio_codec='copy'",), "a copy keeps its bit rate"),
+    Conflict(("audio=False",), ("audio_codec", "slow_motion_sound='stretch'"), "there is no sound to write"),
     Conflict(
-        "decoder='opencv'",
-        "stream, input_fps, deinterlace, size_change, force_colours",
+        ("decoder='opencv'",),
+        ("stream", "input_fps", "deinterlace", "size_change", "force_colours"),
         "OpenCV reads a video as it is",
     ),
-    Conflict("range", "start, end", "both select frames"),
-    Conflict("quiet", "progress='json'", "`quiet` prints nothing but errors"),
+    Conflict(("range",), ("start", "end"), "both select frames"),
+    Conflict(("quiet",), ("progress='json'",), "`quiet` prints nothing but errors"),
 )
 """Options that cannot be combined."""
 
 NEEDS = {
-    "audio_bitrate": "audio_codec, slow_motion_sound='stretch'",
-    "slow_motion_sound": "slow_motion, retime, speed",
-    "shutter_samples": "shutter",
-    "below": "uncertain",
-    "mask_as": "mask",
-    "depth": "vectors",
-    "vector_convention": "vectors",
-    "fps_den": "fps_num",
+    "audio_bitrate": ("audio_codec", "slow_motion_sound='stretch'"),
+    "slow_motion_sound": ("slow_motion", "retime", "speed"),
+    "shutter_samples": ("shutter",),
+    "below": ("uncertain",),
+    "mask_as": ("mask",),
+    "depth": ("vectors",),
+    "vector_convention": ("vectors",),
+    "fps_den": ("fps_num",),
 }
 """Options that mean nothing without another, and those of which each needs one."""
 
 
 def check_together(given: set[str]) -> None:
-    """Raise `OptionError` if some of these options, named as in the tables, cannot be combined, or one lacks another.
+    """Raise `OptionError` if some of these, named as in the tables, cannot be combined, or an option lacks another.
 
     Examples
     --------
@@ -122,23 +155,16 @@ def check_together(given: set[str]) -> None:
     if not given:
         return
     for conflict in CONFLICTS:
-        for pair in product(names_in(conflict.options), names_in(conflict.others)):
+        for pair in product(conflict.options, conflict.others):
             if given.issuperset(pair) and conflict.unless not in given:
                 both = " and ".join(map(in_sentence, pair))
                 raise OptionError(f"{both} cannot be combined: {conflict.reason}; {conflict.advice}.")
     for option, others in NEEDS.items():
-        names = names_in(others)
-        if option in given and given.isdisjoint(names):
-            raise OptionError(
-                f"`{option}` needs {' or '.join(map(in_sentence, names))}; give that too, or leave it out."
-            )
-
-
-def names_in(text: str) -> list[str]:
-    """Return the names in an entry of a table."""
-    return text.split(", ")
+        if option in given and given.isdisjoint(others):
+            advice = "give that too" if len(others) == 1 else "give one of them"
+            raise OptionError(f"`{option}` needs {' or '.join(map(in_sentence, others))}; {advice}, or leave it out.")
 
 
 def in_sentence(name: str) -> str:
-    """Return the name of an option, or of a use, as messages have it: options between backquotes."""
-    return f"`{name}`" if re.fullmatch(r"[a-z_]+(=.*)?", name) else name
+    """Return an option, between backquotes, or a use, as messages have it."""
+    return name if name in USES else f"`{name}`"

@@ -8,14 +8,11 @@ import pytest
 
 from fpsboost import interpolate_clip
 from fpsboost.cli.options import option_classes
-from fpsboost.conflicts import CONFLICTS, NEEDS, check_together, names_in
+from fpsboost.conflicts import CONFLICTS, NEEDS, USES, check_together
 from fpsboost.errors import OptionError
 from fpsboost.options import flags_of
 
-PAIRS = [(pair, each.advice) for each in CONFLICTS for pair in product(names_in(each.options), names_in(each.others))]
-
-USES = {"a preview", "a dry run", "several inputs", "`retime` that plays backwards", "`cuts` by frames"}
-USES |= {"`mask` by frames"}
+PAIRS = [(pair, each.advice) for each in CONFLICTS for pair in product(each.options, each.others)]
 
 VAPOURSYNTH = {"fps_num", "fps_den", "factor_num", "factor_den"}
 """Parameters of the filter."""
@@ -25,7 +22,7 @@ VAPOURSYNTH = {"fps_num", "fps_den", "factor_num", "factor_den"}
 def test_pairs_are_refused(pair, advice):
     """In one sentence that names both and says what to do."""
     with pytest.raises(OptionError) as refused:
-        check_together({*pair, *chain.from_iterable(names_in(NEEDS[name]) for name in pair if name in NEEDS)})
+        check_together({*pair, *chain.from_iterable(NEEDS[name] for name in pair if name in NEEDS)})
     text = str(refused.value)
     assert re.fullmatch(rf"`.* and .* cannot be combined: .*; {advice}\.", text)
     assert all(name.strip("`") in text for name in pair)
@@ -39,17 +36,19 @@ def test_a_pair_has_one_reason():
 
 @pytest.mark.parametrize(("option", "others"), NEEDS.items())
 def test_options_that_need_another(option, others):
-    """Refused alone, and taken with any that they need."""
-    with pytest.raises(OptionError, match=f"`{option}` needs `{names_in(others)[0]}`"):
+    """Refused alone, with advice for one or for a choice, and taken with any that they need."""
+    needed = " or ".join(f"`{other}`" for other in others)
+    advice = "give one of them" if len(others) > 1 else "give that too"
+    with pytest.raises(OptionError, match=f"^`{option}` needs {needed}; {advice}, or leave it out\\.$"):
         check_together({option})
-    for other in names_in(others):
+    for other in others:
         check_together({option, other})
 
 
 def test_all_names_are_options():
-    """Fields of options, parameters, or one of the uses that have no option."""
+    """Fields of options, parameters, or one of the uses that have no option, all of which are named."""
     fields = {flag.field for cls in option_classes for flag in flags_of(cls)}
-    entries = [*chain.from_iterable((each.options, each.others, each.unless) for each in CONFLICTS)]
-    entries += chain.from_iterable(NEEDS.items())
-    names = {name.partition("=")[0] for name in chain.from_iterable(map(names_in, filter(None, entries)))}
-    assert names <= fields | USES | VAPOURSYNTH | signature(interpolate_clip).parameters.keys()
+    named = chain.from_iterable((*each.options, *each.others, *filter(None, [each.unless])) for each in CONFLICTS)
+    names = {name.partition("=")[0] for name in (*named, *NEEDS, *chain.from_iterable(NEEDS.values()))}
+    assert names <= {*fields, *USES, *VAPOURSYNTH, *signature(interpolate_clip).parameters}
+    assert {*USES} <= names

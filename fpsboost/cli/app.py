@@ -35,7 +35,15 @@ from fpsboost.cli.messages import (
     say_traceback,
     sentence,
 )
-from fpsboost.cli.options import CutOptions, JoinOptions, MessageOptions, MethodOptions, PathName, TuningOptions
+from fpsboost.cli.options import (
+    CutOptions,
+    JoinOptions,
+    MessageOptions,
+    MethodOptions,
+    PathName,
+    TrialOptions,
+    TuningOptions,
+)
 from fpsboost.cli.stopping import stopping_on
 from fpsboost.cluster import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
@@ -132,8 +140,8 @@ def convert(
     run_options: Annotated[RunOptions, GROUPS["Run"]],
     where: Annotated[ClusterOptions, GROUPS["Run"]],
     messages: Annotated[MessageOptions, GROUPS["Run"]],
+    trial: Annotated[TrialOptions, GROUPS["Run"]],
     tuning: Annotated[TuningOptions, GROUPS["Method options"]],
-    dry_run: Annotated[bool, Parameter(group=GROUPS["Run"])] = False,
 ) -> None:
     """Raise the frame rate of a video or an image sequence.
 
@@ -148,8 +156,6 @@ def convert(
         With several inputs a folder, created if missing.
     more
         Further names; the last one is the folder.
-    dry_run
-        Write nothing; estimate output, losses, time and size.
     """
     gc.disable()  # until the first frame is read: importing makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV and FFmpeg
@@ -158,7 +164,7 @@ def convert(
     interpolator = cuts.applied_to(motion.interpolator(tuning))
     check_is_no_command(input)
     conversions = Conversions(
-        timing, interpolator, motion.method, decoding, encoding, run_options, where, messages, dry_run=dry_run
+        timing, interpolator, motion.method, decoding, encoding, run_options, where, messages, trial.dry_run
     )
     conversions.convert([input, *([] if output is None else [output]), *more])
 

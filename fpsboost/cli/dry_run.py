@@ -46,7 +46,7 @@ NAMES = {"audio": "sound", "subtitle": "subtitles", "cover": "cover picture", "d
 
 def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     """Print what a conversion would make, keep, lose and take; write nothing."""
-    check_together(run.names_given() | {"a dry run"})
+    check_together(run.names_given() | {"dry_run"})
     if {job.input, job.output} & {*PIPES}:
         raise OptionError("A pipe can be read only once, and --dry-run tries passages of the clip; name files.")
     reading = Console(stderr=True)

@@ -180,6 +180,13 @@ class CutOptions(Checked):
 
 
 @dataclass(frozen=True)
+class TrialOptions:
+    """Estimate instead of a conversion."""
+
+    dry_run: bool = option(False, "Write nothing; estimate output, losses, time and size.")
+
+
+@dataclass(frozen=True)
 class JoinOptions:
     """Options for joining the parts of a conversion."""
 
@@ -296,7 +303,7 @@ class PreviewOptions:
 
 conversion = (DecodeOptions, Timing, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions)
 comparison = (HoldOutOptions, ComparedMethodOptions, ResultOptions)
-others = (MessageOptions, PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions)
+others = (TrialOptions, MessageOptions, PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions)
 option_classes = conversion + comparison + others
 """Classes of options of all commands, by which messages of the library find the flags of its fields."""
 
