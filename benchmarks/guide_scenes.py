@@ -127,7 +127,7 @@ def drawn(name: str, *, is_exposed: bool) -> Material:
             "cameras4": guides(second, 4),
             "shutter-guides2": guides(scene.exposed, 2),
         }
-    name = f"{name}-exposed" if is_exposed else name
+    name = f"drawn-{name}{'-exposed' if is_exposed else ''}"
     return Material(name, lambda largest: [picture(number) for number in range(min(largest, LENGTH))], kinds)
 
 
