@@ -42,7 +42,6 @@ from .media.locks import lock_file as lock_file
 from .media.opening import open_video as open_video
 from .media.remarks import counted as counted
 from .media.safe_files import check_writable as check_writable
-from .media.safe_files import sync as sync
 from .media.safe_files import write_safely as write_safely
 from .media.staging import UnfinishedOutput as UnfinishedOutput
 from .media.time_map import TimeMap as TimeMap
@@ -55,13 +54,8 @@ from .options import checked as checked
 from .options import option as option
 from .options import options_from as options_from
 from .pair import items_with_neighbours as items_with_neighbours
-from .parts.manifest import first_difference as first_difference
 from .parts.manifest import from_json as from_json
-from .parts.manifest import job_facts as job_facts
-from .parts.manifest import program_facts as program_facts
-from .parts.plan import planned_job as planned_job
 from .preparation import OUTPUT_SUFFIXES as OUTPUT_SUFFIXES
-from .preparation import memory_limit as memory_limit
 from .preparation import opened_clip as opened_clip
 from .preparation import output_beside as output_beside
 from .preparation import prepared as prepared
@@ -69,8 +63,6 @@ from .probing import Findings as Findings
 from .probing import Probe as Probe
 from .probing import expected_losses as expected_losses
 from .remarks import Remarks as Remarks
-from .run_options import RunObserver as RunObserver
 from .threads import available_cores as available_cores
-from .threads import one_opencv_thread as one_opencv_thread
 from .threads import run_in_parallel as run_in_parallel
 from .timing.position import parse_position as parse_position

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import fpsboost
-from fpsboost.extension import available_cores, option
+from fpsboost.options import option
+from fpsboost.threads import available_cores
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -71,7 +72,7 @@ def convert_where(where: ClusterOptions, job: fpsboost.ConversionJob, run: fpsbo
 
 def _affordable_workers(job: fpsboost.ConversionJob, run: fpsboost.RunOptions) -> int:
     """Return the number of workers with one thread that the cores and the memory of this machine suffice for."""
-    from fpsboost.extension import memory_limit, opened_clip  # noqa: PLC0415
+    from fpsboost.preparation import memory_limit, opened_clip  # noqa: PLC0415 (--help does not wait for OpenCV)
 
     with opened_clip(job, run) as clip:
         info = clip.source.info

@@ -23,20 +23,6 @@ from uuid import uuid4
 
 from distributed import Client, Future, KilledWorker
 
-from fpsboost import (
-    CompleteAlreadyError,
-    ConversionJob,
-    ExistsError,
-    FpsboostError,
-    InputError,
-    InUseError,
-    OptionError,
-    OutputError,
-    Part,
-    RunOptions,
-    Summary,
-    join,
-)
 from fpsboost.cluster import ClusterError
 from fpsboost.cluster.worker import (
     LOCK_INTERVAL,
@@ -47,16 +33,25 @@ from fpsboost.cluster.worker import (
     make_on_worker,
     read_piece,
 )
-from fpsboost.extension import (
-    RunObserver,
-    check_together,
-    checked,
+from fpsboost.conflicts import check_together
+from fpsboost.contracts import Summary
+from fpsboost.errors import (
+    CompleteAlreadyError,
+    ExistsError,
+    FpsboostError,
+    InputError,
+    InUseError,
+    OptionError,
+    OutputError,
     explained,
-    job_facts,
-    output_beside,
-    planned_job,
-    sync,
 )
+from fpsboost.media import sync
+from fpsboost.options import checked
+from fpsboost.parts.join import join
+from fpsboost.parts.manifest import job_facts
+from fpsboost.parts.plan import planned_job
+from fpsboost.preparation import ConversionJob, output_beside
+from fpsboost.run_options import Part, RunObserver, RunOptions
 
 PARTS_PER_WORKER = 8
 """Parts of a conversion for each worker: at the end, a worker idles for half of one on average, while each part costs

@@ -20,17 +20,13 @@ from dask.typing import Key
 from distributed import Worker, get_worker
 from distributed.core import Status
 
-from fpsboost import (
-    CompleteAlreadyError,
-    ConversionJob,
-    FpsboostError,
-    InputError,
-    InUseError,
-    RunOptions,
-    convert_job,
-)
 from fpsboost.cluster import ClusterError
-from fpsboost.extension import first_difference, job_facts, one_opencv_thread, program_facts
+from fpsboost.conversion import convert_job
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, InUseError
+from fpsboost.parts.manifest import first_difference, job_facts, program_facts
+from fpsboost.preparation import ConversionJob
+from fpsboost.run_options import RunOptions
+from fpsboost.threads import one_opencv_thread
 
 REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
 

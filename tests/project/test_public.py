@@ -39,7 +39,7 @@ def test_what_a_public_name_takes_and_returns_is_public(name):
 def test_names_for_extensions_come_from_below():
     """None is of the command line, or of what is built upon these names."""
     stub = Path(fpsboost.__file__).with_name("extension.pyi").read_text(encoding="utf-8")
-    assert not re.search(r"^from \.(cli|cluster|integrations|preview|rerender|ui)\b", stub, re.MULTILINE)
+    assert not re.search(r"^from \.(cli|integrations|preview|rerender|ui)\b", stub, re.MULTILINE)
 
 
 def test_names_for_extensions_are_those_that_they_use():
