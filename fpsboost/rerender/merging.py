@@ -20,7 +20,6 @@ from fpsboost.extension import (
     ImageTemplate,
     PathName,
     Remarks,
-    check_new_folder,
     checked,
     content_of,
     counted,
@@ -28,7 +27,6 @@ from fpsboost.extension import (
     find_images,
     has_alpha,
     image_names,
-    metadata_of,
     new_folder,
     view,
     write_safely,
@@ -86,22 +84,21 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
     """
     if options.plan is None:
         raise OptionError("Rendered regions go by a plan; name its folder with `plan=DIR`.")
-    check_new_folder(Path(output))
-    plan = RerenderPlan.read(Path(options.plan))
-    with explained(InputError, "read", str(made), "check that it exists and that you may read it"):
-        images = find_images(os.fspath(made))
-    if not images.numbers:
-        raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
-    files = dict(zip(images.numbers, images.files, strict=True))
-    planned = {frame.number: frame for frame in plan.frames if frame.regions}
-    missing = [frame.number for frame in plan.frames if frame.number not in files]
-    if missing:
-        more = f" and {len(missing) - 1} more of its frames" if len(missing) > 1 else ""
-        raise InputError(
-            f"{made} has no frame {missing[0]}{more}, which the plan counts; name the sequence that was planned."
-        )
-    places, remarks = _find_rendered(Path(rendered), planned)
     with new_folder(Path(output)) as unfinished:
+        plan = RerenderPlan.read(Path(options.plan))
+        with explained(InputError, "read", str(made), "check that it exists and that you may read it"):
+            images = find_images(os.fspath(made))
+        if not images.numbers:
+            raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
+        files = dict(zip(images.numbers, images.files, strict=True))
+        planned = {frame.number: frame for frame in plan.frames if frame.regions}
+        missing = [frame.number for frame in plan.frames if frame.number not in files]
+        if missing:
+            more = f" and {len(missing) - 1} more of its frames" if len(missing) > 1 else ""
+            raise InputError(
+                f"{made} has no frame {missing[0]}{more}, which the plan counts; name the sequence that was planned."
+            )
+        places, remarks = _find_rendered(Path(rendered), planned)
         for number, path in files.items():
             if number in planned:
                 content = _merged(path, places[number], planned[number], plan, options.feather)
@@ -160,10 +157,9 @@ def _merged(path: Path, rendered: Sequence[Path], frame: PlannedFrame, plan: Rer
             f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {plan.width}x"
             f"{plan.height}; name the sequence that was planned."
         )
-    if frame.whole and path.suffix == rendered[0].suffix:
+    if frame.whole and template.can_be(rendered[0]):
         _check_alike(rendered[0], template.read(rendered[0]), path, made)
-        if metadata_of(rendered[0]).can_pass:
-            return content_of(rendered[0])
+        return content_of(rendered[0])
     mask = frame.mask(plan.height, plan.width)
     weights = seam_weights(mask, feather)
     picture: FrameImage = view(made).deep_copy()  # with the rendered regions, without seams

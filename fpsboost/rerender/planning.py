@@ -14,16 +14,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
+import cv2
 import numpy as np
 
 from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
 from fpsboost.extension import (
     PathName,
     available_cores,
-    check_new_folder,
     checked,
     content_of,
-    encode_image,
     new_folder,
     open_source,
     read_image,
@@ -120,8 +119,8 @@ class RerenderPlan:
         """Write ``plan.json`` and the masks into a folder."""
         for frame in self.frames:
             path = self._mask_file(folder, frame.number)
-            mask = frame.mask(self.height, self.width)[..., np.newaxis]
-            write_safely(path, encode_image(path, mask * np.uint8(RENDERED)))
+            mask = frame.mask(self.height, self.width) * np.uint8(RENDERED)
+            write_safely(path, cv2.imencode(".png", mask)[1].tobytes())
         write_safely(folder / PLAN_FILE, json.dumps(self.as_json(), indent=1).encode())
 
     @classmethod
@@ -221,8 +220,7 @@ def plan_rerender(
     options = options or PlanOptions()
     interpolator = find_method(method)
     check_images(os.fspath(input))
-    check_new_folder(Path(folder))
-    with open_source(os.fspath(input)) as source:
+    with new_folder(Path(folder)) as unfinished, open_source(os.fspath(input)) as source:
         info = source.info
         images = source.stream_info.images
         if images is None or len(images.files) < MIN_IMAGES:
@@ -239,16 +237,15 @@ def plan_rerender(
         threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
         with run_in_parallel(threads) as in_order:
             expected, scenes = expect_errors(source, interpolator, factor, grid, in_order)
-    pixels = info.height * info.width
-    masks = choose_regions(expected, grid, options.budget * pixels * len(expected), scenes)
-    between = [number for place, number in enumerate(numbers) if place % factor]
-    frames = []
-    for number, errors, mask in zip(between, expected * grid.areas * LEVELS / pixels, masks, strict=True):
-        regions = tuple(map(grid.in_pixels, partition(mask)))
-        whole = regions == (Rectangle(0, 0, info.width, info.height),)
-        frames.append(PlannedFrame(number, regions, whole, float(errors.sum()), float(errors[~mask].sum())))
-    plan = RerenderPlan(info.width, info.height, options.tile, tuple(frames))
-    with new_folder(Path(folder)) as unfinished:
+        pixels = info.height * info.width
+        masks = choose_regions(expected, grid, options.budget * pixels * len(expected), scenes)
+        between = [number for place, number in enumerate(numbers) if place % factor]
+        frames = []
+        for number, errors, mask in zip(between, expected * grid.areas * LEVELS / pixels, masks, strict=True):
+            regions = tuple(map(grid.in_pixels, partition(mask)))
+            whole = regions == (Rectangle(0, 0, info.width, info.height),)
+            frames.append(PlannedFrame(number, regions, whole, float(errors.sum()), float(errors[~mask].sum())))
+        plan = RerenderPlan(info.width, info.height, options.tile, tuple(frames))
         plan.write(unfinished)
     return plan
 

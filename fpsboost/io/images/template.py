@@ -29,6 +29,10 @@ class ImageTemplate:
             return read_image(path)
         return self._passes.read(path, None)
 
+    def can_be(self, path: Path) -> bool:
+        """Return whether a file may take the place of this one as it is: of its type, and shown like what is read."""
+        return path.suffix == self._path.suffix and metadata_of(path).can_pass
+
     def encode(self, image: FrameImage) -> bytes:
         """Return the content of a file of this type, with the metadata of this one."""
         if self._passes is None:
