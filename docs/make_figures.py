@@ -30,12 +30,12 @@ from fpsboost import CutDetector, Interpolator, Mask, interpolate_clip, methods
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.colour import colour_components
 from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
-from fpsboost.evaluation.report.self_contained import as_heat
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.constants import WINDOW
 from fpsboost.motion import nlm
 from fpsboost.motion.components import contrast_components
+from fpsboost.pages import as_heat
 from fpsboost.pair import Pair
 from fpsboost.render.folder import VectorFolder
 from fpsboost.repair import find_damaged

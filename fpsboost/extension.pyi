@@ -11,11 +11,6 @@ from .errors import explain as explain
 from .errors import explained as explained
 from .errors import format_duration as format_duration
 from .errors import rounded as rounded
-from .evaluation.report.self_contained import PlayerData as PlayerData
-from .evaluation.report.self_contained import as_heat as as_heat
-from .evaluation.report.self_contained import data_uri as data_uri
-from .evaluation.report.self_contained import encode as encode
-from .evaluation.report.self_contained import templates_of as templates_of
 from .image import Image as Image
 from .image import view as view
 from .io.images.encoder import encode_image as encode_image

@@ -35,20 +35,16 @@ from fpsboost import (
     open_sink,
 )
 from fpsboost.extension import (
-    PlayerData,
     Remarks,
-    as_heat,
     available_cores,
     check_writable,
-    data_uri,
-    encode,
     format_duration,
     prepared,
     rounded,
-    templates_of,
     view,
     write_whole,
 )
+from fpsboost.pages import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.preview.places import Passage, Selection, find_passages, find_retimed, first_packet_size
 from fpsboost.preview.view import View
 

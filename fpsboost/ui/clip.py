@@ -28,7 +28,6 @@ from fpsboost.extension import (
     Probe,
     Remarks,
     TargetRequirements,
-    data_uri,
     from_json,
     list_streams,
     open_source,
@@ -37,6 +36,7 @@ from fpsboost.extension import (
     stands_for_images,
     trim_source,
 )
+from fpsboost.pages import data_uri
 from fpsboost.preview.view import View
 from fpsboost.ui.choices import remarks_on_page
 from fpsboost.ui.jobs import start_process

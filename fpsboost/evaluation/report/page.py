@@ -39,13 +39,13 @@ from fpsboost.evaluation.report.pictures import (
     view_motion,
     view_passages,
 )
-from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
 from fpsboost.evaluation.results import TIMES, ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
 from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
 from fpsboost.media import counted
+from fpsboost.pages import templates_of
 
 PAGE = "index.html"
 """Name of the page in its folder."""
@@ -86,7 +86,7 @@ def write_report(folder: Path, clips: Sequence[ComparedClip]) -> Path:
 
 def make_page(clips: Sequence[ComparedClip]) -> str:
     """Return the page of comparisons as HTML text; see `write_report`."""
-    environment = templates_of()
+    environment = templates_of("fpsboost.evaluation.report")
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")

@@ -15,7 +15,11 @@ import numpy as np
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.compared_methods import ComparedInterpolator, ComparedMethod
 from fpsboost.evaluation.hidden_frames import Sample
-from fpsboost.evaluation.report.self_contained import (
+from fpsboost.evaluation.results import ComparedClip, Comparison, absolute_error
+from fpsboost.image import Image
+from fpsboost.interpolator import Interpolator
+from fpsboost.motion.field import ZeroMotion, point_places
+from fpsboost.pages import (
     LOSSLESS,
     MAX_WIDTH,
     PlayerData,
@@ -25,10 +29,6 @@ from fpsboost.evaluation.report.self_contained import (
     encode,
     not_too_wide,
 )
-from fpsboost.evaluation.results import ComparedClip, Comparison, absolute_error
-from fpsboost.image import Image
-from fpsboost.interpolator import Interpolator
-from fpsboost.motion.field import ZeroMotion, point_places
 from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
 

@@ -1,4 +1,7 @@
-"""Pages that need only a browser, as they contain their style sheets, scripts and pictures."""
+"""Pages that need only a browser: shared templates, a player of frames, and pictures as they stand in a page.
+
+A comparison, a preview and the page of `fpsboost ui` are made of them. Nothing of the package is imported here.
+"""
 
 import base64
 from dataclasses import dataclass, field
@@ -54,12 +57,12 @@ class PlayerData:
         return {name: getattr(self, name) for name in ("names", "fps", "uris", "frames", "opening")}
 
 
-def templates_of(*packages: str) -> Environment:
-    """Return the templates of packages and the shared ones.
+def templates_of(package: str) -> Environment:
+    """Return the templates of a package and the shared ones.
 
     In templates, ``text_of(file)`` inserts a file without changes, such as a script.
     """
-    loader = ChoiceLoader([PackageLoader(package) for package in (*packages, "fpsboost.evaluation.report")])
+    loader = ChoiceLoader([PackageLoader(package), PackageLoader("fpsboost.pages")])
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
