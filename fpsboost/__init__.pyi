@@ -40,6 +40,7 @@ from .io.opening import open_sink as open_sink
 from .io.side.options import SideOutputs as SideOutputs
 from .io.video.decode_options import DecodeOptions as DecodeOptions
 from .io.video.encode_options import Encoding as Encoding
+from .layered import FrameImage as FrameImage
 from .layered import Layer as Layer
 from .layered import LayeredImage as LayeredImage
 from .masks import Mask as Mask
@@ -52,6 +53,9 @@ from .method_table import methods as methods
 from .motion import MotionEstimator as MotionEstimator
 from .motion.field import MotionField as MotionField
 from .motion.rendered import RenderedVectors as RenderedVectors
+from .options import Checked as Checked
+from .options import PathName as PathName
+from .options import Range as Range
 from .pair import Pair as Pair
 from .pair import with_neighbours as with_neighbours
 from .parts.join import join as join

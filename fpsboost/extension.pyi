@@ -5,13 +5,11 @@ from .colour import as_shown as as_shown
 from .colour import compared_colours as compared_colours
 from .colour import composite_on_black as composite_on_black
 from .colour import has_alpha as has_alpha
-from .conflicts import check_together as check_together
 from .derived_sources import trim_source as trim_source
 from .errors import explain as explain
 from .errors import explained as explained
 from .errors import format_duration as format_duration
 from .errors import rounded as rounded
-from .image import Image as Image
 from .image import view as view
 from .io.images.encoder import encode_image as encode_image
 from .io.images.files import IMAGE_SUFFIXES as IMAGE_SUFFIXES
@@ -30,7 +28,6 @@ from .io.opening import stands_for_images as stands_for_images
 from .io.video.ycc import coding_of as coding_of
 from .io.video.ycc import in_coding as in_coding
 from .io.video.ycc import turned_upright as turned_upright
-from .layered import FrameImage as FrameImage
 from .media.encoding import encoders as encoders
 from .media.facts import list_streams as list_streams
 from .media.locks import lock_file as lock_file
@@ -41,10 +38,6 @@ from .media.safe_files import write_safely as write_safely
 from .media.staging import UnfinishedOutput as UnfinishedOutput
 from .media.time_map import TimeMap as TimeMap
 from .media.traits import VideoTraits as VideoTraits
-from .options import Checked as Checked
-from .options import PathName as PathName
-from .options import Range as Range
-from .options import check_type as check_type
 from .options import checked as checked
 from .options import option as option
 from .options import options_from as options_from

@@ -190,9 +190,23 @@ def one_of(choices: Any) -> str:
 class Checked:
     """Base of dataclasses whose values are checked against the types of their fields, with `Range` where they have one.
 
-    Rates become fractions, paths texts, and lists, sets and arrays tuples. Texts are read as on the command line, and
-    so are numbers for fields of another type: ``start=90`` is a position. `OptionError` names the field that is wrong,
-    or two that cannot be combined.
+    All options of the package derive from it; it serves those of your own methods as well. Rates become fractions,
+    paths texts, and lists, sets and arrays tuples. Texts are read as on the command line, and so are numbers for fields
+    of another type: ``start=90`` is a position. A dataclass with a ``__post_init__`` of its own calls this one first.
+
+    Raises
+    ------
+    OptionError
+        A value has another type or lies outside of its range, or two options cannot be combined.
+
+    Examples
+    --------
+    >>> @dataclass(frozen=True)
+    ... class Smoothing(Checked):
+    ...     radius: Annotated[float, Range(above=0, unit=" pixels")] = 1.0
+    >>> Smoothing(radius=0)
+    Traceback (most recent call last):
+    fpsboost.media.errors.OptionError: `radius` must be above 0 pixels, not 0.
     """
 
     def __post_init__(self) -> None:
@@ -221,13 +235,24 @@ class Checked:
 
 
 class Range(NamedTuple):
-    """Range of a field's numbers, in ``Annotated[float, Range(0, 1)]``; `above` and `below` are outside of it."""
+    """Range of the numbers of a field of a `Checked` dataclass, in ``Annotated[float, Range(0, 1)]``.
+
+    Examples
+    --------
+    >>> Range(0, 1).holds(1), Range(0, below=1).holds(1)
+    (True, False)
+    """
 
     least: float | Fraction = -math.inf
+    """Lowest number."""
     most: float = math.inf
+    """Highest number."""
     above: float = -math.inf
+    """Limit that numbers must exceed; it is outside of the range."""
     below: float = math.inf
+    """Limit that numbers must not reach; it is outside of the range."""
     unit: str = ""
+    """Unit in messages, with a space before it: `` pixels``."""
 
     def holds(self, value: float) -> bool:
         """Return whether a number lies in the range; NaN does not."""

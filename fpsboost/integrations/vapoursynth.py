@@ -31,29 +31,22 @@ import vapoursynth as vs
 from fpsboost import (
     ByFactor,
     ByRate,
+    Checked,
     Coding,
     CutDetector,
     FpsboostError,
     FrameCache,
+    FrameImage,
     InputError,
     Interpolator,
     OptionError,
     Pair,
+    Range,
     SourcePosition,
     YCbCrImage,
     find_method,
 )
-from fpsboost.extension import (
-    FrameImage,
-    Image,
-    Range,
-    VideoTraits,
-    check_together,
-    check_type,
-    coding_of,
-    in_coding,
-    view,
-)
+from fpsboost.extension import VideoTraits, coding_of, in_coding, option, view
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""
@@ -106,7 +99,7 @@ def interpolate(
         _check_clip(clip)
         if sc not in (True, False):
             raise OptionError(f"`sc` must be True or False, not {sc!r}.")
-        factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
+        factor = _Rate(factor_num, factor_den, fps_num, fps_den).factor_for(clip)
         interpolator = replace(interpolator, cuts=interpolator.cuts if sc else None)
         outputs = _OutputFrames(clip, interpolator, factor, finds_cuts=sc)
     count = math.ceil(clip.num_frames * factor)
@@ -138,33 +131,33 @@ def _check_clip(clip: vs.VideoNode) -> None:
         raise InputError("The clip has one frame; interpolation needs at least two.")
 
 
-def _factor_of(
-    clip: vs.VideoNode, factor_num: int | None, factor_den: int | None, fps_num: int | None, fps_den: int | None
-) -> Fraction:
-    numbers = {"factor_num": factor_num, "factor_den": factor_den, "fps_num": fps_num, "fps_den": fps_den}
-    check_together({name for name, number in numbers.items() if number is not None})
-    if fps_num is None:
-        denominator = 1 if factor_den is None else factor_den
-        factor = ByFactor(_fraction("factor", 2 if factor_num is None else factor_num, denominator)).factor
-    else:
-        rate = ByRate(_fraction("fps", fps_num, 1 if fps_den is None else fps_den)).frames_per_second
-        if not clip.fps:
+@dataclass(frozen=True)
+class _Rate(Checked):
+    """Frame rate of the output, in the fractions of `interpolate`."""
+
+    factor_num: int | None = option(None, "Numerator of the factor; else 2.")
+    factor_den: Annotated[int, Range(1)] | None = option(None, "Denominator of the factor; else 1.")
+    fps_num: int | None = option(None, "Numerator of the frames per second.")
+    fps_den: Annotated[int, Range(1)] | None = option(None, "Denominator of the frames per second; else 1.")
+
+    def factor_for(self, clip: vs.VideoNode) -> Fraction:
+        """Return the number of output frames per frame of a clip."""
+        if self.fps_num is None:
+            factor = ByFactor(Fraction(2 if self.factor_num is None else self.factor_num, self.factor_den or 1)).factor
+        else:
+            rate = ByRate(Fraction(self.fps_num, self.fps_den or 1)).frames_per_second
+            if not clip.fps:
+                raise OptionError(
+                    "`fps_num` needs the clip's own frame rate; set it with std.AssumeFPS, or give `factor_num` "
+                    "instead."
+                )
+            factor = ByFactor(rate / clip.fps).factor
+        if clip.num_frames * factor > MAX_FRAMES:
             raise OptionError(
-                "`fps_num` needs the clip's own frame rate; set it with std.AssumeFPS, or give `factor_num` instead."
+                f"`factor={factor}` makes more frames of the clip than VapourSynth counts; choose a smaller one, or "
+                "shorten the clip with std.Trim."
             )
-        factor = ByFactor(rate / clip.fps).factor
-    if clip.num_frames * factor > MAX_FRAMES:
-        raise OptionError(
-            f"`factor={factor}` makes more frames of the clip than VapourSynth counts; choose a smaller one, or "
-            "shorten the clip with std.Trim."
-        )
-    return factor
-
-
-def _fraction(name: str, numerator: int, denominator: int) -> Fraction:
-    check_type(f"{name}_num", numerator, int)
-    check_type(f"{name}_den", denominator, Annotated[int, Range(1)])
-    return Fraction(numerator, denominator)
+        return factor
 
 
 def _layout_of(format: vs.VideoFormat) -> _Rgb | _Ycc:
@@ -189,8 +182,8 @@ class _Rgb:
 
     bits: int
 
-    def image(self, frame: vs.VideoFrame) -> Image:
-        image: Image = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
+    def image(self, frame: vs.VideoFrame) -> np.ndarray:
+        image: np.ndarray = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
         return image if self.bits in (8, 16, 32) else _scaled(image, (1 << self.bits) - 1, 65535)
 
     def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[np.ndarray]:
@@ -200,7 +193,7 @@ class _Rgb:
         return [values[..., channel] for channel in (2, 1, 0)]
 
 
-def _scaled(values: Image, top: int, new_top: int) -> Image:
+def _scaled(values: np.ndarray, top: int, new_top: int) -> np.ndarray:
     return ((values.astype(np.uint32) * new_top + top // 2) // top).astype(np.uint16)
 
 

@@ -14,8 +14,8 @@ import re
 from dataclasses import dataclass
 from typing import Annotated
 
-from fpsboost import OptionError
-from fpsboost.extension import Checked, PathName, Range, option
+from fpsboost import Checked, OptionError, PathName, Range
+from fpsboost.extension import option
 
 
 def parse_budget(text: str, name: str) -> float:

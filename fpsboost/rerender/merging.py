@@ -13,12 +13,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fpsboost import InputError, Layer, LayeredImage, OptionError, OutputError
+from fpsboost import FrameImage, InputError, Layer, LayeredImage, OptionError, OutputError, PathName
 from fpsboost.extension import (
-    FrameImage,
-    Image,
     ImageTemplate,
-    PathName,
     Remarks,
     checked,
     content_of,
@@ -122,7 +119,7 @@ def seam_weights(mask: np.ndarray, feather: int) -> np.ndarray:
     return np.asarray(np.minimum(distance / np.float32(feather + 1), 1), np.float32)
 
 
-def mix(image: Image, rendered: Image, weights: np.ndarray) -> Image:
+def mix(image: np.ndarray, rendered: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the weighted mean of two images; pixels of weight 0 are those of the first, of weight 1 of the second.
 
     Parameters

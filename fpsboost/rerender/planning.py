@@ -17,9 +17,8 @@ from typing import Any, Self
 import cv2
 import numpy as np
 
-from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
+from fpsboost import InputError, Interpolator, MemoryLimit, PathName, VectorFolder, find_method
 from fpsboost.extension import (
-    PathName,
     available_cores,
     checked,
     content_of,

@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition
-from fpsboost.extension import Image, compared_colours, composite_on_black, items_with_neighbours, view
+from fpsboost.extension import compared_colours, composite_on_black, items_with_neighbours, view
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7
@@ -147,12 +147,12 @@ def expect_errors(
     return expected, scenes.tolist()
 
 
-def comparable(image: Image) -> Image:
+def comparable(image: np.ndarray) -> np.ndarray:
     """Return an image on the scale on which frames are compared; float images are tone-mapped from linear light."""
     return compared_colours(image) if image.dtype == np.float32 else image
 
 
-def squared_error(image0: Image, image1: Image) -> np.ndarray:
+def squared_error(image0: np.ndarray, image1: np.ndarray) -> np.ndarray:
     """Return the squared difference of `comparable` images, mean of the channels, (H, W) float32, for white = 1."""
     difference = composite_on_black(image0) - composite_on_black(image1)
     return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
@@ -160,10 +160,10 @@ def squared_error(image0: Image, image1: Image) -> np.ndarray:
 
 def _trios(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, distance: int, first: int
-) -> Iterator[tuple[Image | None, Pair]]:
+) -> Iterator[tuple[np.ndarray | None, Pair]]:
     """Yield pairs of images that are `distance` apart, from the image `first` on, each behind the one in its middle."""
     before: FrameCache | None = None
-    truth: Image | None = None
+    truth: np.ndarray | None = None
     for index, frame in enumerate(islice(frames, first, None), first):
         place = (index - first) % distance
         if place == 0:
@@ -176,7 +176,7 @@ def _trios(
 
 
 def _try(
-    interpolator: Interpolator, truth: Image | None, pair: Pair, times: Sequence[Fraction], grid: TileGrid
+    interpolator: Interpolator, truth: np.ndarray | None, pair: Pair, times: Sequence[Fraction], grid: TileGrid
 ) -> Trial:
     """Interpolate between two images, and measure the uncertainty and, where the truth is known, the error."""
     if pair.is_discontinuous:  # the nearer frame is repeated, and the other one is right as often

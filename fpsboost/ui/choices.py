@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from fpsboost import (
+    Checked,
     ConversionJob,
     DecodeOptions,
     Encoding,
@@ -21,7 +22,6 @@ from fpsboost.cli.batch import check_ending
 from fpsboost.cli.flags import in_flags
 from fpsboost.cli.options import MethodOptions, command_line
 from fpsboost.extension import (
-    Checked,
     encoders,
     expected_losses,
     options_from,
