@@ -5,7 +5,6 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 """
 
 import math
-from textwrap import shorten
 
 from fpsboost.media.errors import (
     CompleteAlreadyError,
@@ -23,7 +22,6 @@ from fpsboost.media.errors import (
 )
 
 __all__ = [
-    "STANDARD_OUTPUT",
     "CancelledError",
     "CompleteAlreadyError",
     "EncryptedError",
@@ -37,11 +35,9 @@ __all__ = [
     "SceneCutWarning",
     "applicable",
     "choose_one",
-    "explain",
     "explained",
     "format_duration",
     "notes_of",
-    "reason_of",
     "rounded",
     "undone_by",
 ]
@@ -88,28 +84,3 @@ def format_duration(seconds: float) -> str:
     if 0 < seconds < 10:
         return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s"
     return f"{seconds:.0f} s"
-
-
-STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file
-
-MAX_REASON = 200
-"""Maximum number of characters of the text of an unexpected error."""
-
-
-def explain(error: BaseException, name: str = STANDARD_OUTPUT) -> str:
-    """Return the sentence of an error of the library, or one about an error of the system or of memory.
-
-    `name` is what an error of the system is about if it names no file itself. Any other error is a fault.
-    """
-    if isinstance(error, FpsboostError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "There is not enough memory for this; scale it down, or close other programs."
-    if isinstance(error, OSError):
-        return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."
-    return f"This is a fault in fpsboost ({reason_of(error)}); report it."
-
-
-def reason_of(error: BaseException) -> str:
-    """Return kind and text of an unexpected error, shortened."""
-    return shorten(f"{type(error).__name__}: {error}", MAX_REASON)

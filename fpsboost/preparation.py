@@ -31,7 +31,7 @@ from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import FOREVER, VIDEO_SUFFIXES, TimeMap
+from fpsboost.media import FOREVER, VIDEO_SUFFIXES, TimeMap, try_out
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
@@ -168,6 +168,19 @@ class Preparation:
     base_schedule: Schedule
     output: Output
     remarks: Remarks
+
+    def expected_losses(self) -> tuple[list[str], Remarks]:
+        """Return the encoder and pixel format of an output that is video, and what the output would lose.
+
+        Raises `OptionError` or `OutputError` if the output cannot be written.
+        """
+        sink = self.target.open(self.output)
+        remarks = Remarks([*self.clip.source.remarks, *self.remarks, *sink.remarks])
+        coding = list[str]()
+        if self.target.kind == "video":
+            coding, losses = try_out(self.output)
+            remarks.take(losses)
+        return coding, remarks.expected
 
 
 @contextmanager

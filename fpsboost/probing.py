@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from fpsboost.analysis.cadence import Repeats
-from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
+from fpsboost.analysis.duplicates import SourceFrame, detector_of
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import Frame
@@ -19,10 +19,10 @@ from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import Look, OutputTiming, StreamFacts, list_streams, look_of, try_out
+from fpsboost.media import Look, OutputTiming, StreamFacts, look_of, try_out
 from fpsboost.method_table import methods
+from fpsboost.options import AnyDuplicates
 from fpsboost.pair import Pair, with_neighbours
-from fpsboost.preparation import Preparation
 from fpsboost.remarks import Remarks
 from fpsboost.repair import find_damaged
 from fpsboost.timeline import positions_of
@@ -103,8 +103,8 @@ class Findings:
 
     seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
     """Function that is given every frame, and its time after the first one, seconds."""
-    detector: DuplicateDetector | None = DuplicateDetector()
-    """Finds the duplicates that are interpolated across; None if all frames are kept."""
+    treatment: AnyDuplicates = "interpolate"
+    """What a conversion does with duplicates; they are looked for only where they are interpolated across."""
     times: list[Fraction] = field(default_factory=list)
     origin: SourcePosition = field(default=SourcePosition(0, Fraction(0)))
     """Position of the first frame in its clip; with its time, it tells that of any other."""
@@ -161,7 +161,8 @@ class Findings:
         """Yield the pairs between which a conversion would make frames."""
         last: SourceFrame | None = None
         shown = self.shown(frames)
-        self.repeats = None if self.detector is None else Repeats(self.detector)
+        detector = detector_of(self.treatment)
+        self.repeats = None if detector is None else Repeats(detector)
         for group in zip(shown) if self.repeats is None else self.repeats.groups(shown):
             self.pictures.append([each.time for each in group])
             if last is not None:
@@ -219,7 +220,7 @@ def probe(
             width=info.width,
             height=info.height,
             look=None if beside.traits is None else look_of(beside.traits),
-            streams=[] if beside.video is None else list_streams(beside.video),
+            streams=beside.streams,
             rate=float(info.rate),
             exact_rate=str(info.rate),
             varies=spread > max(2 * info.time_base, median / 20),
@@ -247,17 +248,3 @@ def probe(
                 losses.expected,
             ),
         )
-
-
-def expected_losses(ready: Preparation) -> tuple[list[str], Remarks]:
-    """Return the encoder and pixel format of a prepared conversion to video, and what its output would lose.
-
-    Raises `OptionError` or `OutputError` if the output cannot be written.
-    """
-    sink = ready.target.open(ready.output)
-    remarks = Remarks([*ready.clip.source.remarks, *ready.remarks, *sink.remarks])
-    coding = list[str]()
-    if ready.target.kind == "video":
-        coding, losses = try_out(ready.output)
-        remarks.take(losses)
-    return coding, remarks.expected

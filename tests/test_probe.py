@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from fpsboost import InputError, OptionError, convert
-from fpsboost.cli.probe import facts
-from fpsboost.parts.manifest import from_json
-from fpsboost.probing import Probe, probe
+from fpsboost.cli.probe import facts, read_probe
+from fpsboost.probing import probe
 from support.animation_truth import disc, write_animation
 from support.held_frames import CADENCES, encode, held, pan
 from support.video_truth import QUARTER_TURN, png, spoil_packets, turntable, write_clip
@@ -142,7 +141,7 @@ def test_json(fpsboost_, tmp_path):
     result = fpsboost_("probe", "in.mp4", "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
-    assert from_json(Probe, data) == probe(str(Path("in.mp4")))
+    assert read_probe(result.out) == probe(str(Path("in.mp4")))
     assert (data["duplicates"], data["frames"], data["streams"][0]["codec"]) == (10, 16, "h264")
 
 

@@ -33,7 +33,7 @@ from fpsboost.motion.components import Components, small_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 from fpsboost.options import Checked, PathName, Range, checked
-from fpsboost.timing.position import TIME_TOLERANCE, Position, parse_position
+from fpsboost.timing.position import TIME_TOLERANCE, Position
 
 CERTAIN_CUT_FRACTION = 0.3
 """Fraction of the threshold below which a pair is a cut regardless of its neighbours, or if it has none."""
@@ -317,7 +317,7 @@ class CutList(Checked):
 def read_cuts(path: PathName) -> CutList:
     """Read a list of cuts from a file.
 
-    It has one position per line, as `parse_position` reads it, and comments after ``#``, or is the list of scenes that
+    It has one position per line, as `Position.parse` reads it, and comments after ``#``, or is the list of scenes that
     PySceneDetect writes as CSV.
 
     Raises
@@ -348,4 +348,4 @@ def _read_positions(lines: Iterable[str], name: str) -> Iterator[Position]:
             column = fields.index(SECONDS_COLUMN)
         elif text and not text.startswith("Timecode List"):
             place = text if column is None else fields[column] if column < len(fields) else ""
-            yield parse_position(place, f"{name}, line {number}:")
+            yield Position.parse(place, f"{name}, line {number}:")

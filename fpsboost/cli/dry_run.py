@@ -14,11 +14,10 @@ from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
-from fpsboost.media import counted, list_streams
+from fpsboost.media import counted
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
-from fpsboost.probing import expected_losses
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.options import Timing, readable
 from fpsboost.timing.position import Position, format_time
@@ -51,7 +50,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         raise OptionError("A pipe can be read only once, and --dry-run tries passages of the clip; name files.")
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
-        coding, remarks = expected_losses(ready)
+        coding, remarks = ready.expected_losses()
         source = ready.clip.source.info
         output = ready.output
         is_images = ready.target.kind == "images"
@@ -100,11 +99,10 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
 
 def _kept(ready: Preparation, lost: Collection[object]) -> list[str]:
     """Return the streams beside the pictures that a video keeps; `lost` are numbers of those that it cannot hold."""
-    file = ready.clip.whole.stream_info.video
     encoding = ready.output.encoding
     kept = list[str]()
     wanted = {"audio": encoding.audio, "subtitle": encoding.subtitles}
-    for stream in list_streams(file) if file is not None and ready.target.kind == "video" else ():
+    for stream in ready.clip.whole.stream_info.streams if ready.target.kind == "video" else ():
         is_asked = encoding.streams is None or stream.index in encoding.streams or stream.kind not in wanted
         if stream.kind in NAMES and is_asked and wanted.get(stream.kind, True) and stream.index not in lost:
             language = f" ({stream.language})" if stream.language not in (None, "und") else ""

@@ -6,14 +6,20 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from textwrap import shorten
 
 from cyclopts import CycloptsError
 
-from fpsboost.errors import STANDARD_OUTPUT, FpsboostError, ReaderGoneError, explain, reason_of
+from fpsboost.errors import FpsboostError, ReaderGoneError
 from fpsboost.media import UnfinishedOutput
 
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
+
+STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file
+
+MAX_REASON = 200
+"""Maximum number of characters of the text of an unexpected error."""
 
 
 @contextmanager
@@ -64,3 +70,22 @@ def standard_output_finished() -> Iterator[None]:
         if isinstance(error, BrokenPipeError):
             raise ReaderGoneError from None
         raise
+
+
+def explain(error: BaseException, name: str = STANDARD_OUTPUT) -> str:
+    """Return the sentence of an error of the library, or one about an error of the system or of memory.
+
+    `name` is what an error of the system is about if it names no file itself. Any other error is a fault.
+    """
+    if isinstance(error, FpsboostError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "There is not enough memory for this; scale it down, or close other programs."
+    if isinstance(error, OSError):
+        return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."
+    return f"This is a fault in fpsboost ({reason_of(error)}); report it."
+
+
+def reason_of(error: BaseException) -> str:
+    """Return kind and text of an unexpected error, shortened."""
+    return shorten(f"{type(error).__name__}: {error}", MAX_REASON)

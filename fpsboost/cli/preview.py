@@ -15,6 +15,7 @@ from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import CutOptions, MethodOptions, PathName, PreviewOptions, command_line
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
+from fpsboost.io.new_output import write_whole
 from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
@@ -44,7 +45,7 @@ def preview(
     page
         The page, an .html file; else IN-preview.html here.
     """
-    from fpsboost.preview.page import check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
+    from fpsboost.preview.page import estimate_sentence, make_page, write_video  # noqa: PLC0415
     from fpsboost.preview.page import preview as run  # noqa: PLC0415
 
     place = Path(page or f"{clip_name(input) or 'clip'}-preview.html")
@@ -55,7 +56,7 @@ def preview(
         raise OptionError(f"{place} is not the name of an HTML page; write {place}.html.")
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
-        check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
+        check_video(options.side_by_side, input, overwrite=options.overwrite)
     motions = [
         MethodOptions(text, options.match_grain, masking=options.masking) for text in split_methods(options.methods)
     ]
@@ -69,7 +70,8 @@ def preview(
         result.remarks = Remarks(in_flags(each) for each in result.remarks)
         status.update("writing the page")
         words = command_line(input, output, motions[0], decoding, timing, cuts)
-        write_page(place, result, shlex.join(words), overwrite=options.overwrite)
+        check_writable(place, str(place), overwrite=options.overwrite)  # once more: minutes have passed
+        write_whole(place, make_page(result, shlex.join(words)).encode())
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)
     for remark in result.remarks:
@@ -79,3 +81,12 @@ def preview(
     if options.side_by_side is not None:
         console.print(f"Video: {literal(options.side_by_side)}", soft_wrap=True)
     console.print(f"Page: {literal(str(place))}", soft_wrap=True)
+
+
+def check_video(path: str, input: str, *, overwrite: bool) -> None:
+    """Raise an error if the video side by side cannot be written; called before any conversion."""
+    if Target.parse(path).kind != "video":
+        raise OptionError(
+            f"`side_by_side` writes a video, and {path} is not the name of one; end it with .mp4 or .mkv."
+        )
+    check_writable(Path(path), path, [Path(input)], overwrite)

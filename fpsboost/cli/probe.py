@@ -72,6 +72,15 @@ def probe(
         console.print(f"[yellow]Note:[/] {sentence(remark)}")
 
 
+def read_probe(text: str) -> Probe:
+    """Return the properties of a clip that ``fpsboost probe --json`` has printed."""
+    from fpsboost.parts.manifest import from_json  # noqa: PLC0415
+    from fpsboost.probing import Probe  # noqa: PLC0415
+
+    result: Probe = from_json(Probe, plain.loads(text))
+    return result
+
+
 def stream_table(streams: list[StreamFacts]) -> Table:
     """Return a table with one row per stream, with a column for whether an .mp4 can hold it."""
     names = ("stream", "kind", "codec", "", "language", "title", "in .mp4")

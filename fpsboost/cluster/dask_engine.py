@@ -50,7 +50,7 @@ from fpsboost.options import checked
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import job_facts
 from fpsboost.parts.plan import planned_job
-from fpsboost.preparation import ConversionJob, output_beside
+from fpsboost.preparation import ConversionJob
 from fpsboost.run_options import Part, RunObserver, RunOptions
 
 PARTS_PER_WORKER = 8
@@ -88,10 +88,10 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     run = run or RunOptions()
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
-    output = os.path.abspath(output_beside(job.input, job.timing) if job.output is None else job.output)
+    check_together(job.names_given() | run.names_given() | {"cluster"})
+    output = os.path.abspath(job.target(run).path)
     # the job as workers get it, so that its facts are the same on both sides
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
-    check_together(job.names_given() | run.names_given() | {"cluster"})
     observer = RunObserver(run)
     progress = Summary()
     with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):

@@ -19,6 +19,11 @@ class StreamInfo(media.StreamInfo):
     plays: int = 0
     """Number of times that an animation is shown; 0 for ever."""
 
+    @property
+    def streams(self) -> list[media.StreamFacts]:
+        """All streams of a video file; none of other clips."""
+        return [] if self.video is None else media.list_streams(self.video)
+
 
 @dataclass(frozen=True)
 class Output(media.Output):

@@ -5,7 +5,7 @@ The views may also be written as a video, side by side.
 
 import math
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -24,7 +24,6 @@ from fpsboost import (
     InterpolatedImage,
     Interpolator,
     LowestMatch,
-    OptionError,
     Position,
     RunOptions,
     SilentObserver,
@@ -37,12 +36,10 @@ from fpsboost import (
 from fpsboost.extension import (
     Remarks,
     available_cores,
-    check_writable,
     format_duration,
     prepared,
     rounded,
     view,
-    write_whole,
 )
 from fpsboost.pages import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.preview.places import Passage, Selection, find_passages, find_retimed, first_packet_size
@@ -276,14 +273,8 @@ class LeastCertain(NamedTuple):
     """Mean confidence of the frame, 0 to 1; None if the method has none."""
 
 
-def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = False) -> None:
-    """Write a page; `command` is the command line of the whole conversion. The file appears whole or not at all."""
-    check_writable(path, str(path), overwrite=overwrite)
-    write_whole(path, make_page(preview, command).encode())
-
-
 def make_page(preview: Preview, command: str) -> str:
-    """Return a page as HTML text; see `write_page`."""
+    """Return a page as HTML text; `command` is the command line of the whole conversion."""
     frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
     work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
     included = (
@@ -369,15 +360,6 @@ def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None
     with open_sink(path, info, overwrite=overwrite) as sink:
         for number, each in enumerate(shown):
             sink.write(Frame(_beside(*each), number / preview.rate, 1 / preview.rate))
-
-
-def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: bool) -> None:
-    """Raise an error if the video cannot be written; called before any conversion."""
-    if target.kind != "video":
-        raise OptionError(
-            f"`side_by_side` writes a video, and {target.path} is not the name of one; end it with .mp4 or .mkv."
-        )
-    check_writable(Path(target.path), target.path, inputs, overwrite)
 
 
 def _beside(views: dict[str, View], time: Fraction, label: str) -> np.ndarray:

@@ -22,7 +22,6 @@ from fpsboost.extension import (
     Remarks,
     TimeMap,
     as_shown,
-    detector_of,
     open_video,
     opened_clip,
     rounded,
@@ -315,7 +314,7 @@ class _Reader:
         trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
         with opened_clip(self.job.of_part(trim), self.run) as clip:
             image_view = View(clip.whole.stream_info.traits)
-            findings = Findings(seen or image_view.add, detector_of(self.job.timing.duplicates))
+            findings = Findings(seen or image_view.add, self.job.timing.duplicates)
             cuts = findings.cuts(clip.source, self.job.method)
         image_view.end = findings.end - findings.times[0]
         cuts = [findings.in_clip(time) for time in cuts]

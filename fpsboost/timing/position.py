@@ -47,11 +47,41 @@ class Position(Checked):
     value: Fraction
     is_frame: bool = False
 
+    @classmethod
+    @checked
+    def parse(cls, text: str, option: str = "`position`", bare: str = "s", *, between: bool = False) -> Self:
+        """Parse ``90s``, ``90.5s``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
+
+        `bare` is the unit of a number without one: ``s`` or ``f``. With `between`, a position may lie between two
+        frames (``12.5f``). Raises `OptionError` for any other text, such as negative numbers or 75 seconds after
+        minutes.
+
+        Examples
+        --------
+        >>> Position.parse("1:30.5"), Position.parse("2700f").is_frame
+        (Position(value=Fraction(181, 2), is_frame=False), True)
+        """
+        number = r"([0-9]{1,15}(?:\.[0-9]{1,30}|/[1-9][0-9]{,8})?|\.[0-9]{1,30})"
+        found = re.fullmatch(rf"(?:(?:([0-9]{{1,9}}):)?([0-9]{{1,9}}):)?{number}([sf]?)", text.strip())
+        if found is not None:
+            hours, minutes, digits, unit = found.groups()
+            value = parse_number(digits, option)
+            is_frame = (unit or bare) == "f"
+            if minutes is None:
+                if between or not is_frame or value.denominator == 1:
+                    return cls(value, is_frame)
+            elif not unit and value < 60 and (hours is None or int(minutes) < 60):
+                return cls(int(hours or 0) * 3600 + int(minutes) * 60 + value)
+        raise OptionError(
+            f"{option} {text!r} is not a position in a clip; write seconds (90.5 or 90.5s), a time (1:30 or "
+            "00:01:30.5), or the number of a frame (2700f)."
+        )
+
     def __str__(self) -> str:
         return f"{self.value}f" if self.is_frame else f"{float(self.value):g} s"
 
     def as_option(self) -> str:
-        """Return the position as text for `parse_position`, with up to nine decimals."""
+        """Return the position as text for `parse`, with up to nine decimals."""
         return f"{self.value}f" if self.is_frame else f"{float(self.value):.9f}".rstrip("0").rstrip(".")
 
     def is_reached(self, number: int, seconds: Fraction) -> bool:
@@ -86,37 +116,9 @@ def format_time(seconds: Fraction | float, decimals: int = 3) -> str:
     return f"{f'{hours}:{minutes:02}' if hours else minutes}:{whole:02}.{parts:0{decimals}}"
 
 
-def parse_position(text: str, option: str, bare: str = "s", *, between: bool = False) -> Position:
-    """Parse ``90s``, ``90.5s``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
-
-    `bare` is the unit of a number without one: ``s`` or ``f``. With `between`, a position may lie between two frames
-    (``12.5f``). Raises `OptionError` for any other text, such as negative numbers or 75 seconds after minutes.
-
-    Examples
-    --------
-    >>> parse_position("1:30.5", "start"), parse_position("2700f", "start").is_frame
-    (Position(value=Fraction(181, 2), is_frame=False), True)
-    """
-    number = r"([0-9]{1,15}(?:\.[0-9]{1,30}|/[1-9][0-9]{,8})?|\.[0-9]{1,30})"
-    found = re.fullmatch(rf"(?:(?:([0-9]{{1,9}}):)?([0-9]{{1,9}}):)?{number}([sf]?)", text.strip())
-    if found is not None:
-        hours, minutes, digits, unit = found.groups()
-        value = parse_number(digits, option)
-        is_frame = (unit or bare) == "f"
-        if minutes is None:
-            if between or not is_frame or value.denominator == 1:
-                return Position(value, is_frame)
-        elif not unit and value < 60 and (hours is None or int(minutes) < 60):
-            return Position(int(hours or 0) * 3600 + int(minutes) * 60 + value)
-    raise OptionError(
-        f"{option} {text!r} is not a position in a clip; write seconds (90.5 or 90.5s), a time (1:30 or 00:01:30.5), "
-        "or the number of a frame (2700f)."
-    )
-
-
 def parse_positions(texts: Sequence[str], option: str) -> tuple[Position, ...]:
-    """Parse several positions; see `parse_position`."""
-    return tuple(parse_position(text, option) for text in texts)
+    """Parse several positions; see `Position.parse`."""
+    return tuple(Position.parse(text, option) for text in texts)
 
 
 @dataclass(frozen=True)
@@ -140,8 +142,8 @@ class Trim(Checked):
     (False, True)
     """
 
-    start: Position | None = option(None, "Start: 90 or 90s, 1:30.5, or frame 120f.", parse=parse_position)
-    end: Position | None = option(None, "End position (exclusive); same syntax as `start`.", parse=parse_position)
+    start: Position | None = option(None, "Start: 90 or 90s, 1:30.5, or frame 120f.", parse=Position.parse)
+    end: Position | None = option(None, "End position (exclusive); same syntax as `start`.", parse=Position.parse)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -247,7 +249,7 @@ class FrameList(Checked):
         """Parse a frame, a time, or two of them joined by a hyphen; whole numbers are frames here."""
         words = [word.strip() for word in text.split("-", 1)]
         try:
-            places = [parse_position(word, option, "f" if word.isdecimal() else "s") for word in words]
+            places = [Position.parse(word, option, "f" if word.isdecimal() else "s") for word in words]
         except OptionError:
             raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.") from None
         if places[0].is_frame == places[-1].is_frame and places[-1].value < places[0].value:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fpsboost.errors import OptionError, explained
 from fpsboost.media import TimeMap
-from fpsboost.timing.position import parse_position
+from fpsboost.timing.position import Position
 from fpsboost.timing.schedule import parse_number
 
 
@@ -74,7 +74,7 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
             raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")
         if lacks_unit and not is_numbered:
             raise OptionError(f"{where}: {line.strip()!r} has no unit; write seconds as 2s, and frames as 48f.")
-        at, source = (parse_position(word, where, "f" if is_numbered else "s", between=True) for word in words)
+        at, source = (Position.parse(word, where, "f" if is_numbered else "s", between=True) for word in words)
         first = first_number / source_rate if is_numbered else 0
         points.append((at.seconds(output_rate), source.seconds(source_rate) - first))
         if len(points) > 1 and points[-1][0] <= points[-2][0]:
@@ -106,7 +106,7 @@ def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
         name, _, place = word.partition("@")
         speed = parse_number(name, "`speed`")
         ends = [*place.split("-"), ""][:2]
-        begin, end = (parse_position(each, "`speed`").seconds(source_rate) if each else None for each in ends)
+        begin, end = (Position.parse(each, "`speed`").seconds(source_rate) if each else None for each in ends)
         time, source = points[-1]
         ends_early = end is not None and end <= (begin or 0)
         if not Fraction(1, 1000) <= speed <= 1000:

@@ -15,19 +15,14 @@ from fpsboost import (
     Remark,
     RunOptions,
     Timing,
+    Trim,
     find_method,
     format_time,
 )
 from fpsboost.cli.batch import check_ending
 from fpsboost.cli.flags import in_flags
 from fpsboost.cli.options import MethodOptions, command_line
-from fpsboost.extension import (
-    encoders,
-    expected_losses,
-    options_from,
-    output_beside,
-    prepared,
-)
+from fpsboost.extension import encoders, prepared
 from fpsboost.ui.files import Files
 
 LABELS = {
@@ -139,17 +134,17 @@ class Choices(Checked):
         name = self.rate if self.rate in ("fps", "retime") else "factor"
         if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
             raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
-        timing = options_from(Timing, {name: self.value, "slow_motion": self.rate == "slow", "loop": self.loop})
-        decoding = options_from(
-            DecodeOptions, {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
-        )
+        value: Any = {name: self.value}
+        timing = Timing(**value, slow_motion=self.rate == "slow", loop=self.loop)
+        ends: Any = {"start": self.start or None, "end": self.end or None}
+        decoding = DecodeOptions(Trim(**ends), input_fps=self.input_fps or None)
         return ConversionJob(self.input, output, timing, find_method(self.method), decoding, self.encoding)
 
     @property
     def encoding(self) -> Encoding:
         """Options of the encoding."""
-        given: Encoding = options_from(Encoding, {"codec": self.codec or None, "streams": self.streams or None})
-        encoding = replace(given, lossless=self.quality == "lossless", audio=self.sound, subtitles=self.subtitles)
+        texts: Any = {"codec": self.codec or None, "streams": self.streams or None}
+        encoding = Encoding(**texts, lossless=self.quality == "lossless", audio=self.sound, subtitles=self.subtitles)
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
         if not CRF_STEPS[self.quality] or codec not in encoders:  # an unknown codec is refused by the conversion
             return encoding
@@ -164,7 +159,7 @@ class Choices(Checked):
     def check(self, job: ConversionJob) -> dict[str, Any]:
         """Return the properties of the output as plain data, without running the conversion."""
         with prepared(job, RunOptions(overwrite=self.overwrite)) as ready:
-            remarks = expected_losses(ready)[1]
+            remarks = ready.expected_losses()[1]
             frames = ready.output.expected_frames
             rate = ready.output.timing.rate
         has_rate = ready.target.has_rate
@@ -178,6 +173,6 @@ class Choices(Checked):
 
 def first_choices(path: str) -> Choices:
     """Return the initial values of the form for a clip."""
-    output = output_beside(path, Timing())
+    output = ConversionJob(path, None, Timing(), find_method("nlm")).target(RunOptions()).path
     name = Path(output).name
     return Choices(path, str(Path(path).parent), f"{name}/" if output.endswith("/") else name)

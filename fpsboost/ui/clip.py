@@ -1,6 +1,5 @@
 """A clip for the page: its header, the results of `fpsboost probe`, and a frame interpolated between two of it."""
 
-import json
 import math
 import subprocess
 from dataclasses import asdict, replace
@@ -22,17 +21,13 @@ from fpsboost import (
     methods,
     with_neighbours,
 )
-from fpsboost.cli.probe import facts
+from fpsboost.cli.probe import facts, read_probe
 from fpsboost.extension import (
     Findings,
-    Probe,
     Remarks,
     TargetRequirements,
-    from_json,
-    list_streams,
     open_source,
     opened_clip,
-    parse_position,
     stands_for_images,
     trim_source,
 )
@@ -51,7 +46,7 @@ def header(path: str) -> dict[str, Any]:
         info = source.info
         is_images = source.stream_info.images is not None
         remarks = Remarks(source.remarks)
-        file = source.stream_info.video
+        streams = source.stream_info.streams
     count = info.frame_count
     duration = info.nominal_duration
     unit = info.rate if is_images else 1  # positions are numbers of images, or seconds
@@ -66,7 +61,7 @@ def header(path: str) -> dict[str, Any]:
         "length": None if duration is None else float(duration),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
         "remarks": remarks_on_page(remarks, path),
-        "streams": [] if file is None else [asdict(each) for each in list_streams(file)],
+        "streams": [asdict(each) for each in streams],
     }
 
 
@@ -85,7 +80,7 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
                 process.terminate()
     if process.returncode != 0:
         raise InputError(messages.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
-    result: Probe = from_json(Probe, json.loads(text))
+    result = read_probe(text)
     return {
         "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
         "streams": [asdict(each) for each in result.streams],
@@ -110,7 +105,7 @@ def place_of(path: str, text: str) -> float:
     with open_source(path) as source:
         rate = source.info.rate
         is_images = source.stream_info.images is not None
-    place = parse_position(text, "The text", "f" if is_images else "s")
+    place = Position.parse(text, "The text", "f" if is_images else "s")
     if is_images and text.strip() == "0":
         raise OptionError("Images count from 1; give the number of one of them.")
     return float(place.seconds(rate) * (rate if is_images else 1)) - (is_images and text.strip().isdecimal())

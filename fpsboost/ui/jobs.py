@@ -13,7 +13,8 @@ from threading import Condition, Thread
 from typing import Any, Literal
 
 from fpsboost import FpsboostError, InputError, InUseError, OptionError, OutputError, Target
-from fpsboost.extension import Remarks, UnfinishedOutput, explain, explained, lock_file, write_safely
+from fpsboost.cli.errors import explain
+from fpsboost.extension import Remarks, UnfinishedOutput, explained, lock_file, write_safely
 from fpsboost.ui.choices import on_page, remarks_on_page
 from fpsboost.ui.files import Files
 

@@ -29,7 +29,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fpsboost import FpsboostError, InputError, OptionError
-from fpsboost.extension import explain
+from fpsboost.cli.errors import explain
 from fpsboost.pages import templates_of
 from fpsboost.ui.choices import Choices, first_choices, on_page
 from fpsboost.ui.clip import header, place_of, poster, preview_between, probe

@@ -22,7 +22,7 @@ from fpsboost import (
 from fpsboost.analysis.scene_cuts import CutList, read_cuts
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.position import Position, Trim, parse_position
+from fpsboost.timing.position import Position, Trim
 from support.video_truth import write_clip
 
 SCENES = """Timecode List:,00:00:00.417
@@ -33,7 +33,7 @@ Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timec
 
 
 def cuts_of(*texts: str) -> CutList:
-    return CutList(tuple(parse_position(text, "--cuts") for text in texts))
+    return CutList(tuple(Position.parse(text, "--cuts") for text in texts))
 
 
 def found(cuts: CutList, count: int, rate: Fraction) -> list[int]:
@@ -95,7 +95,7 @@ def cuts_in(path: Path, target: Path, cuts: CutList, start: str | None) -> int:
     options: dict[str, Any] = {
         "method": Interpolator(ZeroMotion(), Blend(), cuts=cuts, compensate_illumination=False),
         "encoding": Encoding(preset="ultrafast"),
-        "decoding": DecodeOptions(trim=Trim(None if start is None else parse_position(start, "--start"))),
+        "decoding": DecodeOptions(trim=Trim(None if start is None else Position.parse(start, "--start"))),
     }
     return convert(str(path), str(target), **options, run=RunOptions(overwrite=True)).scene_cuts
 

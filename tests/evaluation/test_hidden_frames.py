@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fpsboost import DecodeOptions, InputError, OptionError
 from fpsboost.evaluation.hidden_frames import HoldOut, parse_range
-from fpsboost.timing.position import Trim, parse_position
+from fpsboost.timing.position import Position, Trim
 from support.comparison_truth import save_clip
 from support.truth import moved_waves
 from support.video_truth import write_clip
@@ -127,7 +127,7 @@ def test_frames_are_made_at_their_own_times(tmp_path, times, ticks, rate, expect
 def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
     """--start and --end, gone to at once or read up to, give the frames of --range with their numbers and moments."""
     path = write_clip(tmp_path / "a.mp4", times=range(30), options={"g": "6", "crf": "0"})
-    trim = Trim(parse_position(start, "--start"), parse_position(end, "--end"))
+    trim = Trim(Position.parse(start, "--start"), Position.parse(end, "--end"))
     by_frames = list(HoldOut(first=10, last=17).intervals(str(path)))
     by_times = list(HoldOut(decoding=DecodeOptions(trim=trim), counts_frames=counts_frames).intervals(str(path)))
     assert [each.hidden[0].number for each in by_times] == [11, 13, 15]
@@ -139,7 +139,7 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
 def test_a_part_of_images_keeps_their_numbers(folder):
     """By frames, and by times where the rate is given."""
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
-        trim = Trim(parse_position(start, "`start`"))
+        trim = Trim(Position.parse(start, "`start`"))
         hold_out = HoldOut(decoding=DecodeOptions(trim, input_fps=rate))
         assert [each.begin.number for each in hold_out.intervals(folder)] == [3, 5, 7]
     with pytest.raises(OptionError, match="`input_fps`"):
@@ -148,7 +148,7 @@ def test_a_part_of_images_keeps_their_numbers(folder):
 
 def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
-    trim = Trim(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
+    trim = Trim(Position.parse("1:30.5", "--start"), Position.parse("2700f", "--end"))
     hold_out = HoldOut(
         2, decoding=DecodeOptions(trim, 24, stream=1, deinterlace=True, size_change="scale"), duplicates="keep"
     )

@@ -15,7 +15,7 @@ from fpsboost.analysis.scene_cuts import read_cuts
 from fpsboost.derived_sources import TrimmedSource, trim_source
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.source import VideoSource
-from fpsboost.timing.position import Gaps, Position, Replacement, Trim, parse_position
+from fpsboost.timing.position import Gaps, Position, Replacement, Trim
 from fpsboost.timing.retime import parse_curve, parse_speeds
 from support.memory_frames import BLEND, FAST
 from support.video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
@@ -25,7 +25,7 @@ GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold"
 
 def trim(start: str | None = None, end: str | None = None) -> Trim:
     """As the command line makes it."""
-    return Trim(*[None if text is None else parse_position(text, "--x") for text in (start, end)])
+    return Trim(*[None if text is None else Position.parse(text, "--x") for text in (start, end)])
 
 
 def convert_part(source: Path, target: Path, start: str | None, end: str | None = None, **options: Any) -> Summary:
@@ -53,7 +53,7 @@ def convert_part(source: Path, target: Path, start: str | None, end: str | None 
 )
 def test_times_are_read_as_people_write_them(text, seconds):
     """Seconds, minutes and hours, exactly."""
-    assert parse_position(text, "--start") == Position(seconds)
+    assert Position.parse(text, "--start") == Position(seconds)
 
 
 @pytest.mark.parametrize(
@@ -66,13 +66,13 @@ def test_times_are_read_as_people_write_them(text, seconds):
 def test_other_words_are_refused(text):
     """The sentence names the option and shows how to write it."""
     with pytest.raises(OptionError, match=r"--end .* is not a position in a clip; write seconds \(90\.5 or 90\.5s\)"):
-        parse_position(text, "--end")
+        Position.parse(text, "--end")
 
 
 @pytest.mark.parametrize("text", ["2s", "0:02.0", "00:00:02", "48f"])
 def test_every_option_takes_the_same_positions(text, tmp_path):
     """Parts, speed ramps, lists of frames, and lists of cuts."""
-    place, rate = parse_position(text, "`start`"), Fraction(24)
+    place, rate = Position.parse(text, "`start`"), Fraction(24)
     assert Trim(text).start == Trim(None, text).end == place
     assert Replacement.parse(text).ranges == Gaps.parse(f"{text}x2").ranges[:1] == ((place, place),)
     ramp, speeds = parse_curve(f"0=0 {text}={text} 9s=8s", rate, rate), parse_speeds(f"0.5@{text}-4s", rate)

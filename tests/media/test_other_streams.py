@@ -13,7 +13,7 @@ import pytest
 from fpsboost import DecodeOptions, OutputError, RunOptions, convert
 from fpsboost.media.tags import timecode_at
 from fpsboost.probing import probe
-from fpsboost.timing.position import Trim, parse_position
+from fpsboost.timing.position import Position, Trim
 from support.conversion_options import FAST, double
 from support.video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_to_picture, tone, write_clip
 
@@ -177,7 +177,7 @@ def test_a_timecode_goes_along_with_the_start(tmp_path):
     """A part that begins later says a later timecode, counted at the new rate."""
     clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="01:02:03:22"))
     for start in ("3f", "0.12"):
-        part = Trim(parse_position(start, "--start"))
+        part = Trim(Position.parse(start, "--start"))
         convert(
             str(clip),
             str(tmp_path / "out.mov"),
@@ -302,7 +302,7 @@ def test_closed_captions_are_shown_when_they_were(tmp_path, suffix):
     clip = write_with(tmp_path / "in.mov", lambda output, video: output.add_mux_stream("eia_608"), closed_captions)
     double(clip, tmp_path / f"out{suffix}")
     assert shown(tmp_path / f"out{suffix}") == [(0, 100, "One"), (100, 100, "Two"), (200, 100, "up")]
-    part = DecodeOptions(trim=Trim(parse_position("0.125", "--start"), parse_position("0.25", "--end")))
+    part = DecodeOptions(trim=Trim(Position.parse("0.125", "--start"), Position.parse("0.25", "--end")))
     convert(str(clip), str(tmp_path / f"part{suffix}"), method="nearest", decoding=part)
     assert shown(tmp_path / f"part{suffix}") == [(0, 75, "Two"), (75, 50, "up")]
 

@@ -14,7 +14,7 @@ from fpsboost.derived_sources import TrimmedSource
 from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timeline import positions_of
-from fpsboost.timing.position import Trim, parse_position
+from fpsboost.timing.position import Position, Trim
 from support.video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
 FAST = {"preset": "ultrafast"}
@@ -144,7 +144,7 @@ def test_damage_that_no_check_has_found_is_an_error(tmp_path):
 def test_a_frame_that_is_not_there(tmp_path, number):
     """With times or without, in images and in a range."""
     clip = write_clip(tmp_path / "in.mp4")
-    for source in (VideoSource(clip), TrimmedSource(VideoSource(clip), Trim(parse_position("2f", "--start"), None))):
+    for source in (VideoSource(clip), TrimmedSource(VideoSource(clip), Trim(Position.parse("2f", "--start"), None))):
         with source, pytest.raises(InputError, match=f"none has the number {number}"):
             source.begin_at(number)
     raw = write_clip(tmp_path / "in.avi")
@@ -164,7 +164,7 @@ def test_a_frame_that_is_not_there(tmp_path, number):
 def test_ranges(tmp_path, name, start, end, may_skip):
     """Frames count from the start of the range, and its place on the clip's clock is told as by reading it whole."""
     clip = write_clip(tmp_path / name, times=range(5, 31), options=B_FRAMES)
-    places = [None if text is None else parse_position(text, "--x") for text in (start, end)]
+    places = [None if text is None else Position.parse(text, "--x") for text in (start, end)]
     opened = lambda: TrimmedSource(VideoSource(clip), Trim(*places), may_skip=may_skip)  # noqa: E731
     check(opened, [1, 4, -1], "because the times of its frames" if name == "in.avi" else "")
     with opened() as whole, opened() as part:

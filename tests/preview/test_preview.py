@@ -13,13 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fpsboost import ConversionJob, Position, RunOptions, Timing, convert, methods
-from fpsboost.preview.page import (
-    LABEL_HEIGHT,
-    estimate_sentence,
-    preview,
-    write_page,
-    write_video,
-)
+from fpsboost.io.new_output import write_whole
+from fpsboost.preview.page import LABEL_HEIGHT, estimate_sentence, make_page, preview, write_video
 from fpsboost.preview.places import find_passages
 from support.browser import violations
 from support.command_line import assert_refused
@@ -236,7 +231,7 @@ def test_bad_input_is_said_in_one_sentence(short, fpsboost_, tmp_path, arguments
     assert (tmp_path / "there.html").read_text() == "mine"
 
 
-def test_page_appears_whole_or_not_at_all(shown, tmp_path, monkeypatch):
+def test_page_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     """Where writing fails nothing is left, and a page that was there stays."""
 
     def fail(number):
@@ -246,7 +241,7 @@ def test_page_appears_whole_or_not_at_all(shown, tmp_path, monkeypatch):
     page.write_bytes(b"mine")
     monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(Exception, match="cannot be written"):
-        write_page(page, shown, "fpsboost", overwrite=True)
+        write_whole(page, b"a page")
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("page.html", b"mine")]
 
 
@@ -266,7 +261,7 @@ def test_side_by_side_video(shown, tmp_path):
 @pytest.fixture(scope="module")
 def page(shown, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "page.html"
-    write_page(path, shown, "fpsboost 'in & out.mp4' out.mp4")
+    path.write_text(make_page(shown, "fpsboost 'in & out.mp4' out.mp4"))
     return path
 
 

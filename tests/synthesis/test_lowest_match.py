@@ -24,7 +24,7 @@ from fpsboost import (
 from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.streaming import interpolate_frames
-from fpsboost.timing.position import Position, format_time, parse_position
+from fpsboost.timing.position import Position, format_time
 from support.comparison_truth import save_clip
 from support.truth import moved_waves, noise
 
@@ -101,5 +101,5 @@ def test_parts_that_are_joined_know_it(tmp_path):
 @pytest.mark.parametrize("seconds", ["0", "59/48", "59.9996", "61.5", "3723.042"])
 def test_times_are_written_as_they_are_read(seconds, decimals):
     """To the millisecond, or to the microsecond: frame 59 of 48 a second begins after 1.229 s, at 1.229167 s."""
-    read = parse_position(format_time(Fraction(seconds), decimals), "time").value
+    read = Position.parse(format_time(Fraction(seconds), decimals), "time").value
     assert abs(read - Fraction(seconds)) <= Fraction(1, 2 * 10**decimals)

@@ -24,7 +24,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import find_numbers
 from fpsboost.probing import probe
-from fpsboost.timing.position import Trim, parse_position
+from fpsboost.timing.position import Position, Trim
 from support.conversion_options import grouped
 from support.vector_truth import constant, save_flows, save_vectors
 
@@ -145,7 +145,7 @@ def test_factors_that_fit_and_others(tmp_path, step, options, expected, is_anew)
 def test_a_part_keeps_its_numbers(tmp_path, numbers, begin, end, options, expected):
     """`--start` and `--end` count images, or numbers where gaps are filled; a part has the numbers of the whole."""
     source = fill(tmp_path / "in", numbers)
-    part = Trim(parse_position(f"{begin}f", "--start"), parse_position(f"{end}f", "--end"))
+    part = Trim(Position.parse(f"{begin}f", "--start"), Position.parse(f"{end}f", "--end"))
     run(source, tmp_path / "out", trim=part, **options)
     assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in expected]
     originals = {name: data for name, data in contents(source).items() if int(name[:4]) in expected}
@@ -222,7 +222,7 @@ def test_missing_images_are_no_scene_cut(tmp_path):
     for number, image in images.items():
         (tmp_path / "in").mkdir(exist_ok=True)
         save(tmp_path / "in" / f"{number:04}.png", image)
-    cuts = CutList((parse_position("2f", "`cuts`"),))
+    cuts = CutList((Position.parse("2f", "`cuts`"),))
     for policy, shown in ((CutDetector(), images[0] * 2 / 3 + images[4] / 3), (cuts, images[0])):
         target = tmp_path / type(policy).__name__
         summary = run(tmp_path / "in", target, replace(BLEND, cuts=policy), fill_gaps=True)

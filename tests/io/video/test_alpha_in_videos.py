@@ -15,7 +15,7 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr, to_bgr
 from fpsboost.media.pixels import SMPTE170M
 from fpsboost.probing import probe
-from fpsboost.timing.position import Trim, parse_position
+from fpsboost.timing.position import Position, Trim
 from support.animation_truth import disc, write_animation
 from support.conversion_options import grouped
 from support.video_truth import bytes_of
@@ -181,7 +181,7 @@ def test_alpha_there_and_back(pixel_format, full_range):
 def test_lost_alpha_is_said_once(tmp_path):
     """Also where the file is read from several places."""
     clip = write_clip(tmp_path / "in.webm", "libvpx-vp9", "yuva420p", VP9)
-    part = Trim(parse_position("0.1", "--start"))
+    part = Trim(Position.parse("0.1", "--start"))
     summary = fpsboost.convert(
         str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(trim=part)
     )
