@@ -242,7 +242,7 @@ class _Loop:
         if not interval.interpolated:
             return None
         middle = min(interval.interpolated, key=lambda output: abs(output.step.t - Fraction(1, 2)))
-        return LowestMatch(interval.pair.detected_match_score, middle.number, self.timeline.seconds(middle))
+        return LowestMatch(interval.pair.detected_match_score, middle.number, middle.shown)
 
     def motion(self, interval: Interval) -> PairMotion | None:
         """Return the motion of an interval; None if no motion connects the two pictures."""
@@ -263,11 +263,12 @@ class _Loop:
             output = each.output
             picture = output.source.frame.original
             captions = timeline.take_captions(timeline.end if following is None else output.step.time)
+            end = timeline.length if following is None else following.output.shown
             if output.number in outputs:
                 yield Frame(
                     each.content.image,
-                    timeline.start + timeline.seconds(output),
-                    timeline.duration(output, following and following.output),
+                    timeline.start + output.shown,
+                    end - output.shown,
                     original=picture if each.is_original else None,
                     preceding=None if each.is_original else picture,
                     confidence=each.content.confidence,

@@ -57,6 +57,8 @@ class ScheduledFrame(NamedTuple):
     """Number of the output frame, counted from 0."""
     step: Step
     """Its time on the source's clock; where its t is 0, the frame of the source is repeated."""
+    shown: Fraction
+    """When it is shown, seconds after the first output frame."""
     source: SourceFrame
     """The frame of the source at or before it."""
     nearest: SourceFrame
@@ -296,7 +298,7 @@ class Timeline:
             if number in (self.outputs.first, self.outputs.stop):
                 self.summary.boundaries[number] = SourceMoment(self.place(source), source.time)
         is_missing = number in self.outputs and number >= self.outputs.first + self.outputs.skip
-        return ScheduledFrame(number, step, source, nearest, is_missing)
+        return ScheduledFrame(number, step, self._shown(number, step.time), source, nearest, is_missing)
 
     def last_outputs(self, *, holds_last_frame: bool) -> Iterator[ScheduledFrame]:
         """Yield the output frames from the last frame of the source on; one, or all while it is shown if it is held.
@@ -324,18 +326,16 @@ class Timeline:
         """Return the place of a frame in the clip, from 0."""
         return source.position.number - self.position_of(0, Fraction(0)).number
 
-    def seconds(self, output: ScheduledFrame) -> Fraction:
-        """Return when an output frame is shown, seconds after the first one."""
+    def _shown(self, number: int, time: Fraction) -> Fraction:
+        """Return when an output frame is shown, seconds after the first one; none of a loop after its round."""
         if self.curve is not None:  # its time is that of the source
-            return output.number / self.schedule.rate(self.info.rate)
-        return (output.step.time - self.start) * self.options.stretch
+            return number / self.schedule.rate(self.info.rate)
+        return (min(time, self.outputs.end or time) - self.start) * self.options.stretch
 
-    def duration(self, output: ScheduledFrame, following: ScheduledFrame | None) -> Fraction:
-        """Return how long an output frame is shown: until the next one, or the last one until the clip ends."""
-        if self.curve is not None:
-            return 1 / self.schedule.rate(self.info.rate)
-        end = self.end if following is None else min(following.step.time, self.outputs.end or following.step.time)
-        return (end - output.step.time) * self.options.stretch
+    @property
+    def length(self) -> Fraction:
+        """When the last output frame is no longer shown, seconds after the first one, when all are scheduled."""
+        return self._shown(self.outputs_before, self.end)
 
     def take_captions(self, time: Fraction) -> bytes:
         """Return the closed captions of the source up to a time that were not taken before."""
