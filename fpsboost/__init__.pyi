@@ -88,5 +88,6 @@ from .timing.position import format_time as format_time
 from .timing.schedule import ByFactor as ByFactor
 from .timing.schedule import ByRate as ByRate
 from .timing.schedule import Schedule as Schedule
+from .timing.shutter import Shutter as Shutter
 
 __version__: str

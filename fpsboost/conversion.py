@@ -34,7 +34,7 @@ from fpsboost.preparation import (
 from fpsboost.run_options import RunObserver, RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.threads import available_cores
-from fpsboost.timing.options import Timing, exposed
+from fpsboost.timing.options import Timing
 
 
 @checked
@@ -133,7 +133,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         source: FrameSource = clip.source
         if job.timing.loop:
             keeps_sound = ready.target.kind == "video" and output.encoding.audio
-            source, outputs = looped(clip, ready.base_schedule, keeps_sound=keeps_sound)
+            source, outputs = looped(clip, ready.schedule, keeps_sound=keeps_sound)
         else:
             outputs = enter(ready, OutputRange()) if part is None else part.outputs
         observer.opened(info, output.expected_of_part)
@@ -148,7 +148,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     source,
                     ready.interpolator,
                     sink,
-                    exposed(ready.base_schedule, job.timing),
+                    ready.schedule,
                     observer,
                     options=ready.timeline,
                     threads=threads,

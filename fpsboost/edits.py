@@ -185,7 +185,7 @@ def looped(clip: OpenedClip, schedule: Schedule, *, keeps_sound: bool) -> tuple[
     video = clip.whole.stream_info.video
     if keeps_sound and video and "sound" in video.auxiliary_streams:
         remarks.add("loop-of-sound", name=name, frames=total)
-    seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
+    seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end) if not step.is_sample]
     if len(seam) > 1 and not any(seam):
         remarks.add("loop-holds-last", name=name)
     edit = Edit.whole(times).looped(end - start, LOOP_CONTEXT)

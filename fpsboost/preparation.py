@@ -165,7 +165,7 @@ class Preparation:
     target: Target
     interpolator: Interpolator
     timeline: TimelineOptions
-    base_schedule: Schedule
+    schedule: Schedule
     output: Output
     remarks: Remarks
 
@@ -246,7 +246,7 @@ def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> Remarks:
     """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
     images = ready.clip.whole.stream_info.images
     info = ready.clip.source.info
-    remarks = Remarks([*ready.remarks, *ready.job.timing.remarks(info, ready.base_schedule, intervals)])
+    remarks = Remarks([*ready.remarks, *ready.job.timing.remarks(info, ready.schedule, intervals)])
     if images is not None and images.step > 1 and ready.target.has_rate:
         remarks.add("input-fps-of-steps", name=info.name, step=images.step)
     return remarks

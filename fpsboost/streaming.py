@@ -68,8 +68,8 @@ def run_conversion(
         Must have been entered. A sink with an attribute ``needs_confidence`` or ``needs_motion`` that is True gets
         frames with these; see `fpsboost.Frame`.
     schedule : Schedule
-        Determines the output times. Of an `ExposureSchedule`, every output frame is the mean of several that are
-        interpolated around its time, in one scene; images must be arrays.
+        Determines the output times. With a `shutter`, every output frame is the mean of several that are interpolated
+        around its time, in one scene; images must be arrays.
     observer : Observer, optional
         Informed of the progress.
     options : TimelineOptions

@@ -58,7 +58,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         rate = output.timing.rate
         if frames is None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
-            frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images or job.timing.loop)
+            frames = count_frames(ready.schedule, source, holds_last_frame=not is_images or job.timing.loop)
         kept = _kept(ready, {remark.values.get("lost_stream") for remark in remarks})
         places, length = _places(ready, source)
     made = [output.path, *([] if frames is None else [counted(frames, "frame")])]

@@ -38,7 +38,6 @@ from fpsboost.remarks import Remarks
 from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions, count_parts, parts_folder
 from fpsboost.timing.edit import Edit
-from fpsboost.timing.options import exposed
 from fpsboost.timing.position import MAX_RUN
 from fpsboost.timing.schedule import ByFactor, count_frames
 
@@ -111,7 +110,7 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
         return outputs
     if (times := source.frame_times()) is None:
         return outputs
-    schedule = exposed(ready.base_schedule, job.timing)
+    schedule = ready.schedule
     before = 1 if job.timing.replace is None else REPLACED_BEFORE
     entry = find_entry(times, schedule, ready.timeline.duplicates, outputs.first, ready.clip.read_from, before)
     source.begin_at(entry.number)
@@ -178,7 +177,7 @@ def _measured(ready: Preparation) -> tuple[int, int]:
         clip.whole.frame_index = index or clip.whole.frame_index
     times = clip.source.frame_times()
     info = Edit.whole(times).of_info(clip.source.info) if times else clip.source.info
-    total = count_frames(ready.base_schedule, info, ready.target.has_clock)
+    total = count_frames(ready.schedule, info, ready.target.has_clock)
     check_together(ready.job.timing.names_given() | {"chunk"})
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{info.name} does not declare its number of frames; convert it in one run.")
@@ -230,7 +229,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     outputs = plan.outputs
     assert summary is not None
     read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
-    by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or job.method.counts_frames
+    by_number = isinstance(ready.schedule, ByFactor) or job.method.match_grain or job.method.counts_frames
     return Manifest(
         part=plan.part,
         input=str(Path(job.input).absolute()),

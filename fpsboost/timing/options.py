@@ -18,7 +18,6 @@ from fpsboost.timing.schedule import (
     MAX_RATE,
     ByFactor,
     ByRate,
-    ExposureSchedule,
     RetimeSchedule,
     Schedule,
     longest_interval,
@@ -227,7 +226,8 @@ class Timing(Checked):
         factor = self.multiple
         keeps_timing = self.keep_timing or self.keeps_frames or self.duplicates == "drop" or not has_clock
         if self.fps is None and not self.fill_gaps and self.gaps is None and curve is None and keeps_timing:
-            return ByFactor(factor, FOREVER if factor == 1 else longest_interval(info.rate))
+            longest = FOREVER if factor == 1 else longest_interval(info.rate)
+            return ByFactor(factor, longest, shutter=self.exposure)
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
                 f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds "
@@ -241,6 +241,7 @@ class Timing(Checked):
                 "most; choose a smaller one."
             )
         grid = ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
+        grid = replace(grid, shutter=self.exposure)
         return grid if curve is None else RetimeSchedule(**vars(grid), curve=curve)
 
     def output_timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
@@ -276,16 +277,6 @@ class Timing(Checked):
 def readable(number: Rate) -> str:
     """Return a rate with at most three decimals: 24, 23.976."""
     return f"{float(number):.3f}".rstrip("0").rstrip(".")
-
-
-def exposed(schedule: Schedule, timing: Timing) -> Schedule:
-    """Return the schedule of all samples of every exposure; the schedule itself without motion blur."""
-    shutter = timing.exposure
-    if shutter is None:
-        return schedule
-    if isinstance(schedule, RetimeSchedule):
-        return replace(schedule, shutter=shutter)
-    return ExposureSchedule(schedule, shutter)
 
 
 @dataclass

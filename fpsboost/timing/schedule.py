@@ -10,6 +10,7 @@ into motion blur.
 
 import math
 import re
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -81,7 +82,47 @@ class Schedule(Protocol):
 
 
 @dataclass(frozen=True)
-class ByFactor(Checked):
+class ExposedSchedule:
+    """Base of schedules whose output frames may be exposed for a while.
+
+    A frame whose exposure reaches beyond an interval has samples in two intervals, which carry its number
+    (`Step.frame_number`). Before the first source frame and across pauses there are no samples but the output frames
+    themselves.
+    """
+
+    shutter: Shutter | None = field(default=None, kw_only=True)
+
+    @abstractmethod
+    def frames(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the output frames of an interval, without samples; see `Schedule.steps`."""
+
+    @abstractmethod
+    def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        """See `Schedule.output_position`."""
+
+    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the output frames in an interval, or the samples of their exposures; see `Schedule.steps`."""
+        steps = list(self.frames(index, start, time0, time1))
+        if self.shutter is None:
+            yield from steps
+            return
+        first = self.output_position(index, start, time0)
+        last = self.output_position(index + 1, start, time1)
+        is_short = len(steps) < math.ceil(last) - math.ceil(first)  # too long to be filled
+        if is_short or any(step.t == 0 and step.time > time0 for step in steps):  # a pause: one picture is held
+            yield from (Step(time, t, math.ceil(first) + number) for number, (time, t, *_) in enumerate(steps))
+            return
+        offsets = self.shutter.offsets
+        for number in range(math.ceil(first) - 1, math.ceil(last) + 1):
+            for offset in offsets:
+                position = number + offset
+                if first <= position < last:
+                    t = (position - first) / (last - first)
+                    yield Step(time0 + t * (time1 - time0), t, number, is_sample=offset != 0)
+
+
+@dataclass(frozen=True)
+class ByFactor(ExposedSchedule, Checked):
     """Schedule that multiplies the frames: each source interval is divided evenly, whatever its length.
 
     Output frame k lies at source position k / factor, so a variable frame rate stays variable, and every source frame
@@ -93,6 +134,8 @@ class ByFactor(Checked):
         Output frames per source frame, 0 < factor <= 1000.
     longest : Fraction
         Maximum seconds between two source frames for which frames are made between them; see `ByRate`.
+    shutter : Shutter, optional
+        Shutter for motion blur.
 
     Examples
     --------
@@ -107,7 +150,7 @@ class ByFactor(Checked):
         """Return `time`: no frame is moved."""
         return time
 
-    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+    def frames(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames of an interval; see `Schedule.steps`. In a pause, all repeat the earlier frame."""
         first = math.ceil(index * self.factor)
         is_pause = time1 - time0 > self.longest
@@ -129,7 +172,7 @@ class ByFactor(Checked):
 
 
 @dataclass(frozen=True)
-class ByRate:
+class ByRate(ExposedSchedule):
     """Schedule with a constant output rate, counted from the first source frame; real source times determine t.
 
     Parameters
@@ -143,6 +186,8 @@ class ByRate:
     longest : Fraction
         Maximum seconds between two source frames for which frames are made between them; across a longer pause the
         first is repeated.
+    shutter : Shutter, optional
+        Shutter for motion blur.
 
     Examples
     --------
@@ -176,7 +221,7 @@ class ByRate:
         nominal = start + round((time - start) * self.source_rate) / self.source_rate
         return nominal if abs(time - nominal) <= self.tolerance else time
 
-    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+    def frames(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames of an interval; see `Schedule.steps`. In a pause, all repeat the earlier frame."""
         first = math.ceil((time0 - start) * self.frames_per_second)
         last = math.ceil((time1 - start) * self.frames_per_second)
@@ -209,16 +254,13 @@ class RetimeSchedule(ByRate):
 
     Parameters
     ----------
-    frames_per_second, source_rate, tolerance, longest : Fraction, optional
+    frames_per_second, source_rate, tolerance, longest, shutter
         As in `ByRate`.
-    shutter : Shutter, optional
-        Shutter for motion blur.
     curve : TimeMap
         Map of output times to source times; one that plays backwards is unfolded before, see `Edit.unfolded`.
     """
 
     curve: TimeMap = field(kw_only=True)
-    shutter: Shutter | None = None
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames that show source times of an interval; see `Schedule.steps`."""
@@ -318,47 +360,3 @@ def parse_number(text: str, option: str) -> Fraction:
         raise OptionError(f"{option} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None
     # programs print 15000/1001 as 14.985014985014985, and no container has such a time base
     return value if value.denominator < MAX_TICKS_PER_SECOND else value.limit_denominator(1_000_000)
-
-
-@dataclass(frozen=True)
-class ExposureSchedule:
-    """Schedule of the samples of another schedule's output frames.
-
-    A frame whose exposure reaches beyond an interval has samples in two intervals, which carry its number
-    (`Step.frame_number`). Before the first source frame and across pauses there are no samples but the output frames
-    themselves.
-    """
-
-    schedule: Schedule
-    """Schedule of the output frames."""
-    shutter: Shutter
-    """Angle of the shutter, and number of samples."""
-
-    def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
-        return self.schedule.presentation_time(start, time)
-
-    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
-        """Yield the samples of all output frames in an interval; see `Schedule.steps`."""
-        steps = list(self.schedule.steps(index, start, time0, time1))
-        first = self.schedule.output_position(index, start, time0)
-        last = self.schedule.output_position(index + 1, start, time1)
-        is_short = len(steps) < math.ceil(last) - math.ceil(first)  # too long to be filled
-        if is_short or any(step.t == 0 and step.time > time0 for step in steps):  # a pause: one picture is held
-            yield from (Step(time, t, math.ceil(first) + number) for number, (time, t, *_) in enumerate(steps))
-            return
-        offsets = self.shutter.offsets
-        for number in range(math.ceil(first) - 1, math.ceil(last) + 1):
-            for offset in offsets:
-                position = number + offset
-                if first <= position < last:
-                    t = (position - first) / (last - first)
-                    yield Step(time0 + t * (time1 - time0), t, number, is_sample=offset != 0)
-
-    def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
-        return self.schedule.output_position(index, start, time)
-
-    def rate(self, source_rate: Fraction) -> Fraction:
-        return self.schedule.rate(source_rate)
-
-    def time_base(self, source_time_base: Fraction) -> Fraction:
-        return self.schedule.time_base(source_time_base)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fpsboost import CutDetector, Frame, FrameCache, Interpolator, OutputRange, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.parts.entry import find_entry
-from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule
+from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
 from fpsboost.timing.shutter import Shutter
 from support.memory_frames import FakeSink, FakeSource
 from support.truth import frozen
@@ -75,7 +75,7 @@ SCHEDULES: dict[str, Schedule] = {
     "factor 5/2": ByFactor(Fraction(5, 2)),
     "60 per second": ByRate.forgiving(Fraction(60), RATE, Fraction(1, 1000)),
     "10 per second": ByRate.forgiving(Fraction(10), RATE, Fraction(1, 1000)),
-    "blurred": ExposureSchedule(ByRate.forgiving(Fraction(50), RATE, Fraction(1, 1000)), Shutter(Fraction(360), 3)),
+    "blurred": replace(ByRate.forgiving(Fraction(50), RATE, Fraction(1, 1000)), shutter=Shutter(Fraction(360), 3)),
 }
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from fpsboost import OptionError, OutputRange, Part, RunOptions, convert, join, run_conversion, stream
 from fpsboost.media import TimeMap
 from fpsboost.timeline import TimelineOptions
-from fpsboost.timing.options import Timing, exposed
+from fpsboost.timing.options import Timing
 from fpsboost.timing.retime import parse_curve, parse_speeds
 from fpsboost.timing.schedule import count_frames
 from support.conversion_options import grouped
@@ -40,7 +40,7 @@ def retimed(frames, text, skip=0, **options):
     """The output frames of flat frames by a curve."""
     source, sink, rate = FakeSource(frames), FakeSink(), Timing(retime=text, **options)
     curve = rate.time_map(source.info)
-    schedule = exposed(rate.schedule(source.info, curve=curve), rate)
+    schedule = rate.schedule(source.info, curve=curve)
     options = TimelineOptions(duplicates=None)
     run_conversion(source, BLEND, sink, schedule, options=options, outputs=OutputRange(skip=skip))
     return sink.frames

@@ -23,7 +23,7 @@ from fpsboost import (
 )
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timeline import TimelineOptions
-from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule
+from fpsboost.timing.schedule import ByFactor, ByRate
 from fpsboost.timing.shutter import Shutter
 from support.memory_frames import BLEND, FAST, FakeSink, FakeSource
 from support.truth import SCENES, as_type, needs_scenes, waves
@@ -45,12 +45,11 @@ def exposed(frames, schedule, shutter, interpolator=BLEND, skip=0, threads=2, ho
     """The output frames and the summary of a conversion."""
     sink = FakeSink()
     sink.holds_last_frame = holds_last_frame
-    sampled = schedule if shutter is None else ExposureSchedule(schedule, shutter)
     summary = run_conversion(
         FakeSource(frames),
         interpolator,
         sink,
-        sampled,
+        replace(schedule, shutter=shutter),
         outputs=OutputRange(skip=skip),
         threads=threads,
         options=TimelineOptions(duplicates=None),
