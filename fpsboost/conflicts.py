@@ -83,6 +83,11 @@ CONFLICTS = (
         "backwards, the frames come in another order than in the clip",
     ),
     Conflict(
+        ("guide",),
+        ("vectors", "shutter", "mask_as='layer'", "loop", "`retime` that plays backwards", "several inputs"),
+        "a guide shows frames of one clip, each as a whole and in their order",
+    ),
+    Conflict(
         ("vectors",), ("retime", "speed", "shutter"), "rendered vectors exist for frames at the usual times alone"
     ),
     Conflict(("vectors",), ("loop",), "no rendered vectors lead from the last frame to the first"),
@@ -136,6 +141,8 @@ NEEDS = {
     "below": ("uncertain",),
     "mask_as": ("mask",),
     "depth": ("vectors",),
+    "guide_offset": ("guide",),
+    "guide='own'": ("replace",),
     "vector_convention": ("vectors",),
     "fps_den": ("fps_num",),
 }

@@ -1,5 +1,6 @@
 """Conversion of files: a job -> source, interpolator, sink, and the loop."""
 
+from contextlib import ExitStack
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -13,6 +14,7 @@ from fpsboost.contracts import (
 )
 from fpsboost.edits import looped
 from fpsboost.errors import InputError, OptionError, choose_one, explained
+from fpsboost.guides import opened_guides
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
 from fpsboost.io.images.sink import ImageSink
@@ -116,7 +118,9 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         See `fpsboost.errors`.
     """
     run = run or RunOptions()
-    with prepared(job, run) as ready:
+    with prepared(job, run) as ready, ExitStack() as stack:
+        has_guide = job.decoding.guide is not None
+        guides = stack.enter_context(opened_guides(job.decoding, ready.guided)) if has_guide else None
         clip = ready.clip
         images = clip.whole.stream_info.images
         fingerprint = fingerprint_job(job, run, clip.whole)
@@ -150,7 +154,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     sink,
                     ready.schedule,
                     observer,
-                    options=ready.timeline,
+                    options=replace(ready.timeline, guides=guides),
                     threads=threads,
                     outputs=replace(outputs, skip=there),
                 )
@@ -164,7 +168,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     # some are known only after the sink has finished the output
     summary.remarks.take(sink.remarks)
     if part is None:
-        summary.remarks += closing_remarks(ready, summary.frame_intervals)
+        summary.remarks += closing_remarks(ready, summary)
     return summary
 
 

@@ -1,6 +1,4 @@
-"""Preparation of a conversion: opens the source, takes the frames that are asked for, and works out everything that is
-known before the first frame.
-"""
+"""Preparation of a conversion: its source, the frames that are asked for, and all that is known before the first."""
 
 from __future__ import annotations
 
@@ -14,11 +12,12 @@ from pathlib import Path
 
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.conflicts import check_together
-from fpsboost.contracts import FrameSource, RandomAccess
+from fpsboost.contracts import FrameSource, RandomAccess, Summary
 from fpsboost.derived_sources import trim_source
 from fpsboost.edits import OpenedClip, played_backwards, with_gaps, without_repeats
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
+from fpsboost.guides import GuidedClip
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
@@ -41,7 +40,7 @@ from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.timeline import TimelineOptions
 from fpsboost.timing.edit import Edit
-from fpsboost.timing.options import FrameIntervals, Timing, readable
+from fpsboost.timing.options import Timing, readable
 from fpsboost.timing.position import Trim, format_time
 from fpsboost.timing.schedule import Schedule, count_frames
 
@@ -51,8 +50,7 @@ FALLBACK_SUFFIX = ".mkv"
 
 
 ENCODER_BYTES_PER_PIXEL = 270
-"""Bytes of memory that an encoder of video takes for a pixel; measured: 255 with libx264, which looks 40 frames
-ahead."""
+"""Bytes of memory that an encoder takes for a pixel; measured: 255 with libx264, which looks 40 frames ahead."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +180,11 @@ class Preparation:
             remarks.take(losses)
         return coding, remarks.expected
 
+    @property
+    def guided(self) -> GuidedClip:
+        """What a guide must agree with."""
+        return GuidedClip.of(self.clip, self.schedule, self.output, linear=self.interpolator.takes_layers)
+
 
 @contextmanager
 def prepared(job: ConversionJob, run: RunOptions) -> Iterator[Preparation]:
@@ -201,6 +204,9 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         timing.replace.check("replace", clip.whole.info)
     remarks = Remarks()
     encoding = _adapt_audio(job.encoding, stream, timing, clip.clip_curve, target.path, remarks)
+    images = stream.images
+    if job.decoding.guide is not None and images and images.step > 1 and timing.follows_source and not clip.curve:
+        timing = replace(timing, factor=Fraction(images.step))  # so that all numbers between have their guides
     schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     most = target.highest_rate
     asked = timing.output_timing(info, schedule).rate
@@ -211,7 +217,6 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
         remarks.add("rate-lowered", name=target.path, rate=most, file_type=target.file_type)
     multiple = schedule.rate(info.rate) / info.rate
-    images = stream.images
     keeps_numbers = (
         images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
     )
@@ -242,13 +247,16 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     return Preparation(job, run, clip, target, interpolator, timeline, schedule, output, remarks)
 
 
-def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> Remarks:
-    """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
+def closing_remarks(ready: Preparation, summary: Summary) -> Remarks:
+    """Return the remarks on the whole conversion when it is done."""
     images = ready.clip.whole.stream_info.images
     info = ready.clip.source.info
-    remarks = Remarks([*ready.remarks, *ready.job.timing.remarks(info, ready.schedule, intervals)])
+    remarks = Remarks([*ready.remarks, *ready.job.timing.remarks(info, ready.schedule, summary.frame_intervals)])
     if images is not None and images.step > 1 and ready.target.has_rate:
         remarks.add("input-fps-of-steps", name=info.name, step=images.step)
+    guide = ready.job.decoding.guide
+    if guide is not None:
+        remarks.take(ready.guided.remarks(os.fspath(guide), summary))
     return remarks
 
 
@@ -343,7 +351,7 @@ def _match_vectors(
             f"A renderer's motion vectors go by the numbers of {name}, and {factor} times the frames do not fit "
             f"between those; give `factor={images.step}`."
         )
-    first, step = kept or (images.first_number + int(images.skipped * factor), 1)
+    first, step = images.output_numbers(factor)
     numbers = range(first, first + count * step, step)
 
     def matched(vectors: VectorFolder) -> VectorFolder:

@@ -90,6 +90,12 @@ class Remarks(media.Remarks):
             "Frames fetched along the vectors of {name} agree less than without any motion: check that they are in "
             "pixels per frame, and of these frames."
         ),
+        # guides
+        "guide-missing": (
+            "{name} has no picture of {missing} of the {frames} frames that are made ({numbers}); these {were} made "
+            "without guide."
+        ),
+        "guide-followed": "{name} {was} followed in {frames}: {found}.",
         # targets
         "alpha-not-held": "{name} cannot hold an alpha channel, which {was} left out.",
         "floats-in-16-bits": "{name} {holds} the floating-point values of its source in 16 bits.",

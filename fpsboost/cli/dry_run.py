@@ -13,6 +13,7 @@ from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
+from fpsboost.guides import coverage
 from fpsboost.io.opening import PIPES
 from fpsboost.media import counted
 from fpsboost.memory import readable_size
@@ -51,6 +52,9 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         coding, remarks = ready.expected_losses()
+        has_guide = job.decoding.guide is not None
+        guided, missing = coverage(job.decoding, ready.guided) if has_guide else ("", ())
+        remarks.take(missing)
         source = ready.clip.source.info
         output = ready.output
         is_images = ready.target.kind == "images"
@@ -74,6 +78,8 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         "keeps": ", ".join(kept) or "pictures alone",
         "takes": "not estimated, as the clip is too short for a trial",
     }
+    if guided:
+        rows["guide"] = guided
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
     if length >= SHORTEST:
         with reading.status("trying passages"):

@@ -91,7 +91,8 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     check_together(job.names_given() | run.names_given() | {"cluster"})
     output = os.path.abspath(job.target(run).path)
     # the job as workers get it, so that its facts are the same on both sides
-    job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
+    job = replace(job, input=os.path.abspath(job.input), output=output, decoding=job.decoding.absolute())
+    job = pickle.loads(pickle.dumps(job))
     observer = RunObserver(run)
     progress = Summary()
     with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):

@@ -89,7 +89,7 @@ def join(
                 sink.join([complete_chunk(file) for file in files], traits)
             elif isinstance(sink, ImageSink):
                 sink.join(files)
-        summary.remarks.take([*sink.remarks, *closing_remarks(ready, summary.frame_intervals)])
+        summary.remarks.take([*sink.remarks, *closing_remarks(ready, summary)])
     summary.seconds = time.perf_counter() - begin
     return summary
 
@@ -196,6 +196,8 @@ def _summary(parts: Sequence[PartFiles]) -> Summary:
         summary.unsure_frames += each.unsure_frames
         summary.unsure_pixels += each.unsure_pixels
         summary.replaced += each.replaced
+        summary.note_guides(each.guided_frames, each.guide_figures)
+        summary.guides_missing += each.guides_missing
         summary.remarks.take(each.remarks)
         summary.note_match(each.lowest_match)
     return summary

@@ -148,6 +148,11 @@ class NumberedImages:
             return None
         return self.numbers[0], int(step)
 
+    def output_numbers(self, factor: Fraction | None) -> tuple[int, int]:
+        """Return first number and step of the output of the whole sequence; `factor` is None if none are kept."""
+        kept = None if factor is None else self.numbers_for(factor)
+        return kept or (self.first_number + int(self.skipped * (factor or 0)), 1)
+
 
 def order_names(folder: Path, names: Sequence[str]) -> NumberedImages:
     """Put the files of one sequence, at least one, in order; names without any number go by the alphabet.

@@ -1,16 +1,20 @@
 """Options of the user for reading a source."""
 
-from dataclasses import dataclass, fields
+import os
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Literal, Self
 
-from fpsboost.options import Checked, Range, Rate, option
+from fpsboost.options import Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Trim
-from fpsboost.timing.schedule import parse_rate
+from fpsboost.timing.schedule import parse_number, parse_rate
 
 SizeChange = Literal["stop", "scale"]
 Decoder = Literal["ffmpeg", "opencv"]
 View = Literal["none", "srgb"]
+OWN = "own"
+"""Name of the guide of damaged frames: themselves."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,12 @@ class DecodeOptions(Checked):
     view : {'none', 'srgb'}
         View transform of OpenEXR images for previews as video or animation: numbers as they are, or sRGB's curve, with
         white at 1.
+    guide : str or os.PathLike, optional
+        Guide of the frames that are made: a cheap clip of the same, which shows where everything is. Numbered images
+        for images go by the numbers of the output; anything else goes by time. ``own`` takes the damaged frames that
+        `replace` names as guides of their own repair.
+    guide_offset : Fraction, int, float or str
+        Time in the guide at which the input begins, seconds; below 0 if the guide begins later.
 
     Raises
     ------
@@ -69,9 +79,33 @@ class DecodeOptions(Checked):
         None, "Layers of OpenEXR: all, beauty or their names.", metavar="NAMES", group="Streams"
     )
     view: View = option("none", "View transform of OpenEXR: none or srgb.")
+    guide: PathName | None = option(None, "Cheap clip of the frames to be made, or own.", metavar="PATH")
+    guide_offset: Rate = option(
+        Fraction(0), "Where the input begins in the guide, seconds.", metavar="S", parse=parse_number
+    )
+
+    @property
+    def files(self) -> list[Path]:
+        """Files of the guide, by whose content an output is told from others."""
+        guide = OWN if self.guide is None else os.fspath(self.guide)
+        if guide == OWN or Path(guide).is_file():
+            return [] if guide == OWN else [Path(guide)]
+        from fpsboost.io.images.source import find_images  # noqa: PLC0415 (which needs these options)
+
+        return find_images(guide).files
+
+    def absolute(self) -> Self:
+        """Return the same options for programs in other folders."""
+        guide = self.guide
+        return self if guide in (None, OWN) else replace(self, guide=os.path.abspath(guide or OWN))
+
+    def names_given(self) -> set[str]:
+        """Return the names of the options that are given, but not what ``own`` needs beside these options."""
+        return super().names_given() - {f"guide={OWN!r}"}
 
     @property
     def given(self) -> list[str]:
         """Names of the options for video files that differ from the defaults."""
-        ours = [field for field in fields(self) if field.name not in ("trim", "passes", "view")]
+        others = "trim", "passes", "view", "guide", "guide_offset"
+        ours = [field for field in fields(self) if field.name not in others]
         return [f"`{field.name}`" for field in ours if getattr(self, field.name) != field.default]
