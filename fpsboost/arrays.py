@@ -25,7 +25,7 @@ from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF, find_method
-from fpsboost.options import Duplicates, PathName, Range, Rate, checked
+from fpsboost.options import Duplicates, PathName, PositiveInt, Range, Rate, checked
 from fpsboost.run_options import Progress
 from fpsboost.streaming import interpolate_frames
 from fpsboost.timeline import TimelineOptions
@@ -43,7 +43,7 @@ def stream(
     method: str | Interpolator = "nlm",
     input_fps: Rate | None = None,
     duplicates: Duplicates = "interpolate",
-    threads: Annotated[int, Range(1)] | None = None,
+    threads: PositiveInt | None = None,
 ) -> Iterator[Image]:
     """Raise the frame rate of a source of frames, and yield frames as they are made.
 
@@ -173,7 +173,7 @@ def interpolate_clip(
     order: Literal["rgb", "bgr"] = "rgb",
     layout: Literal["nhwc", "nchw"] = "nhwc",
     duplicates: Duplicates = "interpolate",
-    threads: Annotated[int, Range(1)] | None = None,
+    threads: PositiveInt | None = None,
     progress: Progress | None = None,
 ) -> Any:
     """Raise the frame rate of a whole clip of arrays, such as one that a program has generated.

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fpsboost.errors import FpsboostError, InputError, OptionError, rounded
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PositiveInt, Range
 
 BASE_BYTES = 300_000_000  # memory that a conversion takes whatever the size of its frames
 BYTES_PER_PIXEL = 400
@@ -85,7 +85,7 @@ class MemoryLimit(Checked):
     """
 
     bytes: Annotated[int, Range(above=0)] = field(default_factory=available_memory)
-    bytes_per_pixel: Annotated[int, Range(1)] = BYTES_PER_PIXEL
+    bytes_per_pixel: PositiveInt = BYTES_PER_PIXEL
 
     def check(
         self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0, *, decoding: int = 0

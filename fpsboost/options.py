@@ -265,6 +265,10 @@ class Range(NamedTuple):
         return (f"{float(self.least):.15g} to {self.most:.15g}" if is_closed else " and ".join(words)) + self.unit
 
 
+PositiveInt = Annotated[int, Range(1)]
+PositiveFloat = Annotated[float, Range(above=0)]
+
+
 def checked(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorate a public function: arguments of other types than its hints raise `OptionError` before it is called."""
     names = list(signature(function).parameters)

@@ -4,14 +4,13 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from fpsboost.contracts import FrameWatcher, Observer, SilentObserver, Summary
 from fpsboost.errors import CancelledError, OptionError
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.media import ClipInfo
 from fpsboost.memory import MemoryLimit, parse_memory
-from fpsboost.options import Checked, PathName, Range, option
+from fpsboost.options import Checked, PathName, PositiveInt, option
 
 MAX_PARTS = 9999
 
@@ -111,7 +110,7 @@ class RunOptions(Checked):
     limit: MemoryLimit | None = option(
         None, "Refuse jobs above this: 8G; else the free memory.", flag="max-memory", parse=parse_memory
     )
-    threads: Annotated[int, Range(1)] | None = option(None, "Pairs of frames in parallel; else one per core.")
+    threads: PositiveInt | None = option(None, "Pairs of frames in parallel; else one per core.")
     chunk: Part | None = option(None, "Convert part K of N; see fpsboost join.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
     progress: Progress | None = None

@@ -20,7 +20,7 @@ from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import view
 from fpsboost.motion.components import CHROMA_WEIGHT, Components, chroma, gray
-from fpsboost.options import AnyDuplicates, Checked, Range
+from fpsboost.options import AnyDuplicates, Checked, PositiveInt, Range
 
 ROUNDING = 0.01  # maximum error of differences by the rounding of sums, 8-bit levels
 BAND_BLOCKS = 8  # height of the bands that are compared one after the other, blocks
@@ -65,7 +65,7 @@ class DuplicateDetector(Checked):
     smallest_step: Annotated[float, Range(above=0, most=255, unit=" levels")] = 3.0
     block: Annotated[int, Range(1, unit=" pixel")] = 16
     longest: Annotated[Fraction, Range(0, unit=" s")] = Fraction(1, 4)
-    most: Annotated[int, Range(1)] = 8
+    most: PositiveInt = 8
 
     @property
     def difference_limit(self) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from fpsboost.image import Image
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
-from fpsboost.options import Checked, Duplicates, Range, words_of_options
+from fpsboost.options import Checked, Duplicates, PositiveInt, words_of_options
 from fpsboost.timeline import positions_of
 from fpsboost.timing.schedule import ByRate, rising_time
 
@@ -116,7 +116,7 @@ class HoldOut(Checked):
         The range is too short, or contradicts `decoding`.
     """
 
-    skip: Annotated[int, Range(1)] = 1
+    skip: PositiveInt = 1
     first: int = 0
     last: int | None = None
     decoding: DecodeOptions = DecodeOptions()

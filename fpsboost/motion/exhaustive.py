@@ -39,7 +39,7 @@ from fpsboost.motion.full_search import PatchWindow, search_by_passes, search_fu
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import RenderedMotion, RenderedVectors
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PositiveFloat, Range
 
 Implementation = Literal["fused", "passes"]
 """One fused kernel, or passes of OpenCV over whole images, as Algorithm 1 of the report is written."""
@@ -83,7 +83,7 @@ class ExhaustiveSearch(Checked):
     search_radius: Annotated[int, Range(1, 1000, unit=" pixels")] | None = None
     patch_radius: Annotated[int, Range(1, MAX_PATCH_RADIUS, unit=" pixels")] = 5
     window: PatchWindow = "box"
-    v: Annotated[float, Range(above=0)] = 0.25
+    v: PositiveFloat = 0.25
     implementation: Implementation = "fused"
     vectors: RenderedVectors | None = None
 

@@ -34,7 +34,7 @@ from fpsboost.kernels.residual_search import relax_smoothness, search_residuals_
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PositiveFloat, PositiveInt, Range
 
 COARSEST_STEP = 2
 """Distance between points on the coarsest level, pixels."""
@@ -124,10 +124,10 @@ class CoarseToFine(Checked):
 
     max_motion_share: Annotated[float, Range(above=0, most=1, unit=" of the frame")] = 1 / 6
     patch_radius: Annotated[int, Range(1, MAX_TILE_PATCH_RADIUS, unit=" pixels")] = 5
-    v: Annotated[float, Range(above=0)] = 0.09
-    labels: Annotated[int, Range(1)] = 8
+    v: PositiveFloat = 0.09
+    labels: PositiveInt = 8
     smoothness: Annotated[float, Range(0)] = 1
-    steepness: Annotated[float, Range(above=0)] = 4
+    steepness: PositiveFloat = 4
     coarsest_side: Annotated[int, Range(1, unit=" pixel")] = 60
     step: Literal[1, 2, 4, 8, 16, 32] = 8
     finest_level: Annotated[int, Range(0)] = 0

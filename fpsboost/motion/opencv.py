@@ -16,7 +16,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image_checks import check_pair
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PositiveFloat, PositiveInt, Range
 
 DIS_PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
@@ -71,9 +71,9 @@ class Farneback(Checked):
 
     takes_planes: ClassVar[bool] = True
 
-    levels: Annotated[int, Range(1)] = 5
+    levels: PositiveInt = 5
     window_size: Annotated[int, Range(1, unit=" pixel")] = 15
-    iterations: Annotated[int, Range(1)] = 3
+    iterations: PositiveInt = 3
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
@@ -115,12 +115,12 @@ class TvL1(Checked):
     doi:10.1007/978-3-540-74936-3_22
     """
 
-    levels: Annotated[int, Range(1)] = 6
+    levels: PositiveInt = 6
     scale_step: Annotated[float, Range(0.1, below=1)] = 0.5
-    warps: Annotated[int, Range(1)] = 5
-    epsilon: Annotated[float, Range(above=0)] = 0.05
-    inner_iterations: Annotated[int, Range(1)] = 5
-    outer_iterations: Annotated[int, Range(1)] = 2
+    warps: PositiveInt = 5
+    epsilon: PositiveFloat = 0.05
+    inner_iterations: PositiveInt = 5
+    outer_iterations: PositiveInt = 2
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""

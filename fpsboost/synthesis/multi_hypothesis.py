@@ -38,7 +38,7 @@ from fpsboost.kernels.pair_context import PairContext
 from fpsboost.kernels.window_samples import PlaneGroup
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.rendered import RenderedVectors
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PositiveFloat, PositiveInt, Range
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.fusion_table import fusion_coefficients
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
@@ -157,9 +157,9 @@ class MultiHypothesis(Checked):
     node_spacing: Literal[16, 20, 24, 28] = 16
     support_radius: float = 24
     merge_distance: Annotated[float, Range(0, unit=" pixels")] = 0.8
-    max_candidates: Annotated[int, Range(1)] = 12
+    max_candidates: PositiveInt = 12
     min_weight: Annotated[float, Range(0, below=1)] = 0.04
-    bandwidth: Annotated[float, Range(above=0)] = 0.3
+    bandwidth: PositiveFloat = 0.3
     sharpness: float = 18
     sufficient_similarity: float = 0.98
     min_vote_share: Annotated[float, Range(0, below=1)] = 0.2

@@ -6,13 +6,13 @@ It follows one motion per pixel, unlike `MultiHypothesis`, and takes colours at 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 
 from fpsboost.image import Image, rounding_offset
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PositiveInt
 from fpsboost.synthesis import FramePair
 
 SourceSearch = Literal["iterative", "brute-force"]
@@ -55,7 +55,7 @@ class Reproject(Checked):
     """
 
     search: SourceSearch = "iterative"
-    iterations: Annotated[int, Range(1)] = 10
+    iterations: PositiveInt = 10
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images on linear trajectories; see `fpsboost.synthesis.Synthesizer.synthesize`."""
