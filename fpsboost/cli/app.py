@@ -21,14 +21,12 @@ from fpsboost import __version__
 from fpsboost.cli import stop_signals
 from fpsboost.cli.errors import PIPE, all_explained, standard_output_finished
 from fpsboost.cli.flags import GROUPS, MAIN, OWN_OPTIONS, Further, Input, default_text, with_flags
+from fpsboost.cli.library_texts import LibraryTexts, library_texts, native_stderr_captured
 from fpsboost.cli.messages import (
-    LibraryTexts,
     as_objects,
     console,
     keep_columns_readable,
-    library_texts,
     literal,
-    native_stderr_captured,
     print_object,
     reporter_of,
     say_error,

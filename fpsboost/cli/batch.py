@@ -12,10 +12,10 @@ from pathlib import Path
 
 import fpsboost
 from fpsboost.cli.errors import PIPE, all_explained
+from fpsboost.cli.library_texts import native_stderr_captured
 from fpsboost.cli.messages import (
     console,
     literal,
-    native_stderr_captured,
     reporter_of,
     say_error,
     say_traceback,

@@ -1,24 +1,16 @@
-"""Messages of the command line, with control characters of foreign texts escaped; progress; and the texts of libraries.
-
-Libraries such as libpng and OpenCV write to the standard error of the process from C, without the name of the file;
-their texts are printed at the end of the run. Python's own output to standard error still appears at once.
-"""
+"""Messages of the command line, with control characters of foreign texts escaped, and progress."""
 
 from __future__ import annotations
 
 import gc
 import json
 import os
-import re
 import sys
-import tempfile
 import traceback
 import unicodedata
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass
-from io import BytesIO, TextIOWrapper
-from typing import IO, Any, TextIO
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import ExitStack
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -34,15 +26,8 @@ from fpsboost.media import Remark, counted
 from fpsboost.timing.options import readable
 from fpsboost.timing.position import as_ranges, format_time
 
-STANDARD_ERROR = 2  # file descriptor
 WIDTHS = range(20, 2001)
 """Columns of a terminal in which text is laid out; with none, Rich shows nothing and Cyclopts never ends."""
-MAX_SHOWN = 3
-"""Maximum number of lines of libraries that are printed."""
-
-_prefix_of_opencv = re.compile(r"^\[ *\w+:\d+@[\d.]+\] (global )?")
-"""Log level, thread and time before a line of OpenCV: ``[ WARN:0@0.035] global ``."""
-
 CONTROL_CATEGORIES = {"Cc", "Cs", "Zl", "Zp"}
 """Unicode categories of characters that move the cursor, colour the screen, or cannot be encoded."""
 
@@ -108,95 +93,6 @@ def _escape_controls(text: str, kept: Collection[str] = ()) -> str:
     """Return a text with control characters as Python escapes, but for those that are `kept`."""
     escaped = {letter for letter in text if unicodedata.category(letter) in CONTROL_CATEGORIES} | BIDI_CONTROLS
     return "".join(ascii(letter)[1:-1] if letter in escaped and letter not in kept else letter for letter in text)
-
-
-@contextmanager
-def native_stderr_captured() -> Iterator[None]:
-    """Redirect Python's prints of libraries, such as OpenEXR's, to standard error within a block.
-
-    Standard output may carry a video.
-    """
-    try:
-        texts = os.fdopen(STANDARD_ERROR, "w", buffering=1, errors="backslashreplace", closefd=False)
-    except OSError:  # there is no standard error
-        yield
-        return
-    with texts, redirect_stdout(texts):
-        yield
-
-
-@dataclass
-class LibraryTexts:
-    """What libraries have written to standard error from C."""
-
-    file: IO[bytes]
-
-    def lines(self) -> list[str]:
-        """Return each distinct line captured so far, without OpenCV's timestamp and source location."""
-        self.file.seek(0)
-        lines = self.file.read().decode(errors="replace").splitlines()
-        return list(dict.fromkeys(_prefix_of_opencv.sub("", line).strip() for line in lines if line.strip()))
-
-    def sentence(self) -> str:
-        """Return the first captured lines as one sentence; empty if there are none."""
-        lines = self.lines()
-        more = f"; and {len(lines) - MAX_SHOWN} more" if len(lines) > MAX_SHOWN else ""
-        return f"A library reports: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
-
-
-@contextmanager
-def library_texts() -> Iterator[LibraryTexts]:
-    """Capture what libraries write to standard error from C, by redirecting the file descriptor within a block.
-
-    Python's `sys.stderr` is pointed at the original descriptor meanwhile, so that messages still appear. Without a
-    standard error, nothing is captured.
-    """
-    try:
-        terminal = os.dup(STANDARD_ERROR)
-    except OSError:  # there is no standard error
-        yield LibraryTexts(BytesIO())
-        return
-    before = sys.stderr
-    if _is_standard_error(before):
-        before.flush()
-        messages = os.fdopen(os.dup(terminal), "wb")
-        sys.stderr = _Messages(messages, before.encoding, before.errors, line_buffering=True)
-    with tempfile.TemporaryFile() as file:
-        os.dup2(file.fileno(), STANDARD_ERROR)
-        try:
-            yield LibraryTexts(file)
-        finally:
-            os.dup2(terminal, STANDARD_ERROR)
-            os.close(terminal)
-            if sys.stderr is not before:
-                with suppress(OSError):  # its reader has closed it
-                    sys.stderr.close()
-                sys.stderr = before
-
-
-class _Messages(TextIOWrapper):
-    """Text stream that ignores errors of standard error, as a lost message is no failure of a conversion."""
-
-    def write(self, text: str) -> int:
-        """Write a text, or drop it if the stream takes none; return its length."""
-        with suppress(OSError):
-            super().write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush the stream, ignoring errors."""
-        with suppress(OSError):
-            super().flush()
-
-
-def _is_standard_error(stream: TextIO | None) -> bool:
-    """Return whether a stream writes to the descriptor of standard error."""
-    if stream is None:
-        return False
-    try:
-        return stream.fileno() == STANDARD_ERROR
-    except (OSError, ValueError):  # closed, or not a file of the system
-        return False
 
 
 class FramesPerSecondColumn(ProgressColumn):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost.cli.messages import library_texts
+from fpsboost.cli.library_texts import library_texts
 from fpsboost.io.images import source
 from support.exr_truth import write_exr
 
@@ -93,7 +93,7 @@ def test_python_goes_on_to_the_terminal():
     """Also as a process of its own, whose standard error is the terminal; without one nothing happens."""
     program = (
         "import os, sys\n"
-        "from fpsboost.cli.messages import library_texts\n"
+        "from fpsboost.cli.library_texts import library_texts\n"
         "with library_texts():\n"
         "    os.write(2, b'library\\n')\n"
         "    print('ours', file=sys.stderr)\n"
