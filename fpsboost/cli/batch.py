@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -185,7 +186,8 @@ def is_pair(inputs: Sequence[str]) -> bool:
 def remark_on_last_image(remarks: Remarks, frames_in: int, frames_out: int, multiple: Fraction) -> None:
     """Add the remark that explains why images are fewer than the factor suggests, if they are."""
     if multiple != 1 and frames_out == (frames_in - 1) * multiple + 1:
-        remarks.add("last-image", frames=frames_in, images=frames_out, expected=frames_in * multiple)
+        # as many as a video shows, until the end of its last frame
+        remarks.add("last-image", frames=frames_in, images=frames_out, expected=math.ceil(frames_in * multiple))
 
 
 def check_ending(input: str, output: str) -> None:

@@ -362,7 +362,9 @@ def test_progress_as_json(fpsboost_, tmp_path):
     assert lines[-1]["output"] == "out"
     assert lines[-1]["frames_made"] == 2
     assert lines[-1]["least_certain"]["frame"] in (1, 3)
-    assert len(lines[-1]["remarks"]) == 2
+    remarks = {remark["kind"]: remark["values"] for remark in lines[-1]["remarks"]}
+    assert len(remarks) == 2
+    assert remarks["last-image"] == {"frames": 3, "images": 5, "expected": 6}
 
 
 def test_errors_stay_sentences(fpsboost_):
