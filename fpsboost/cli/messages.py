@@ -228,6 +228,7 @@ class JsonReporter(ExitStack):
         self._output = output
         self._frames = 0
         self._expected: int | None = None
+        self.push(self._ended)
 
     def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
         """Print that source and target are open, with the expected number of frames."""
@@ -272,6 +273,12 @@ class JsonReporter(ExitStack):
             "remarks": as_objects(summary.remarks),
         }
         self._print("done", fps=_speed(summary), done=True, output=self._output, **results)
+
+    def _ended(self, kind: object, error: object, trace: object) -> None:
+        """If the run has ended early, print the number of frames that the next one need not compute."""
+        for note in getattr(error, "__notes__", ()):
+            if isinstance(note, Remark) and note.kind == "frames-finished":
+                self._print("stopped", finished=note.values["finished"])
 
     def _print(self, stage: str, fps: float | None = None, **more: Any) -> None:
         """Print an object with the state of the conversion and further values."""

@@ -94,10 +94,11 @@ TEXTS = {
         "{name} {holds} stream {stream} ({codec} subtitles) of its source as {format}; styles may differ."
     ),
     "sound-encoded-anew": "{name} {holds} stream {stream} ({codec} sound) of its source {encoded}.",
-    # what became of the output of an earlier run
+    # the output of an earlier run, and what a run that ends early leaves for a later one
     "begun-anew": (
         "{name} {was} begun anew, and what an earlier run had finished {was} thrown away; `resume` goes on with it."
     ),
+    "frames-finished": "{finished}{of_all} frames are finished, and `resume` goes on from there.",
     "without-locks": "{name} lies on a disk without locks; never let two runs write it at once.",
     # sentences of other sources and sinks
     "other": "{sentence}",

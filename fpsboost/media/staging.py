@@ -134,8 +134,8 @@ class StagingDirectory:
     def leave(self, error: BaseException | None, frames: int, expected: int | None) -> None:
         """Release the folder, and remove it unless a later run can resume from it.
 
-        It is kept if a run with a job stops after at least one finished frame; then a note is added to the error. An
-        error in an input or option keeps nothing, since its correction makes another job.
+        It is kept if a run with a job stops after at least one finished frame; then a remark is added to the error as a
+        note. An error in an input or option keeps nothing, since its correction makes another job.
 
         Parameters
         ----------
@@ -148,8 +148,9 @@ class StagingDirectory:
         keep = is_cut_short and frames > 0 and self._lock is not None and self._job is not None
         self.close(keep=keep)
         if keep and error is not None:
-            of_all = "" if expected is None else f" of {expected}"
-            error.add_note(f"{frames}{of_all} frames are finished, and `resume` goes on from there.")
+            remarks = Remarks()
+            remarks.add("frames-finished", finished=frames, of_all="" if expected is None else f" of {expected}")
+            error.add_note(remarks[0])
 
     def close(self, *, keep: bool) -> None:
         """Release the folder, and remove it unless it is to be kept; no effect if this run does not hold it."""

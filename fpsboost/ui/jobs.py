@@ -1,7 +1,6 @@
 """The page's queue of conversions, each a command line in a process of its own, which can be stopped and resumed."""
 
 import json
-import re
 import subprocess
 import sys
 from collections import deque
@@ -24,9 +23,6 @@ State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
 BEGINS_ANEW = "Paused; no part of it could be kept, so it starts again from the beginning."
 """State of a job that was paused before any part of its output was kept."""
 
-FINISHED = r"(\d+)(?: of \d+)? frames are finished"
-"""Message of a stopped run with the number of frames that the next run need not compute."""
-
 PRIVATE = 0o600
 """Mode of files with paths or a token, which other users of this machine must not read."""
 
@@ -47,6 +43,8 @@ class Job:
     state: State = "waiting"
     frame: int = 0
     """Output frames that are complete."""
+    finished: int = 0
+    """Those that the next run need not compute, as the last one has said."""
     frames: int | None = None
     """Output frames of the whole conversion; None if unknown."""
     fps: float | None = None
@@ -65,7 +63,7 @@ class Job:
 
     def take(self, report: dict[str, Any]) -> None:
         """Update the job with the progress that a run reports."""
-        for name in ("frame", "frames", "fps"):
+        for name in ("frame", "frames", "fps", "finished"):
             setattr(self, name, report.get(name, getattr(self, name)))
         remarks = remarks_on_page(Remarks.from_json(report.get("remarks", [])), self.words[1], self.output)
         self.remarks = list(dict.fromkeys([*self.remarks, *remarks]))
@@ -223,20 +221,20 @@ class Queue:
                 job = next(job for job in self._jobs.values() if job.state == "waiting")
                 job.state = "running"
                 job.fps = None
-                kept = job.frame
+                job.finished = job.frame
                 with suppress(OutputError):
                     self._save()
             try:  # without holding up the page, since the disk may be slow
                 self._files.check_job(job.words[1], job.output)  # which may have become links
                 process = start_process(job.arguments)
             except (OSError, FpsboostError) as error:
-                self._end(job, explain(error), 1, kept)
+                self._end(job, explain(error), 1)
                 continue
             with self._changed:
                 self._process = process
                 if self._closed or self.job(job.number).state == "stopping":  # meanwhile
                     self._stop()
-            self._end(job, *self._follow(job, process), kept)
+            self._end(job, *self._follow(job, process))
 
     def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
         """Update a job with the progress of its process until that ends; return its messages and its exit code."""
@@ -255,8 +253,8 @@ class Queue:
         code = process.wait()
         return " ".join(lines) or f"The conversion ended with code {code} and without a message.", code
 
-    def _end(self, job: Job, message: str, code: int, kept: int) -> None:
-        """Set the state of a job whose run has ended; an earlier run had kept `kept` frames."""
+    def _end(self, job: Job, message: str, code: int) -> None:
+        """Set the state of a job whose run has ended."""
         is_kept = UnfinishedOutput(job.output).is_resumable
         with self._changed:
             self._process = None
@@ -265,8 +263,7 @@ class Queue:
                 job.state = "done"
                 job.message = ""
             else:
-                finished = re.search(FINISHED, message)
-                job.pause(int(finished[1]) if finished else kept * is_kept, BEGINS_ANEW)
+                job.pause(job.finished * is_kept, BEGINS_ANEW)
                 if not is_stopped:
                     job.state = "failed"
                     job.message = on_page(message)

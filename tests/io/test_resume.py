@@ -1,5 +1,6 @@
 """Runs that are stopped: what stays, who may go on with it, and that nobody can tell from the result."""
 
+import json
 import os
 import subprocess
 import sys
@@ -537,7 +538,7 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
     assert sorted(snapshot(tmp_path / "out").values()) == sorted(snapshot(images).values())
 
 
-def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
+def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int, reporter: str = "Reporter") -> None:
     """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
     finished, finish = threading.Event(), Writer._finish_chunk
 
@@ -551,7 +552,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(Writer, "_finish_chunk", finish_chunk)
-    monkeypatch.setattr("fpsboost.cli.messages.Reporter.wrote", wrote)
+    monkeypatch.setattr(f"fpsboost.cli.messages.{reporter}.wrote", wrote)
 
 
 COMMAND = ("in.mp4", "out.mp4", "--factor", "40", "-m", "nearest", "--preset", "ultrafast", "--duplicates", "keep")
@@ -581,6 +582,15 @@ def test_the_command_line_goes_on(fpsboost_, tmp_path, monkeypatch):
         "out.mp4 exists already and no run of it is unfinished, so it was left as it is.\n",
     )
     assert fpsboost_(*COMMAND, "--resume", "--quiet").err == ""
+
+
+def test_programs_hear_how_much_is_finished(fpsboost_, tmp_path, monkeypatch):
+    """The last object of a run that is stopped has the number of finished frames; the sentence follows."""
+    write_clip(tmp_path / "in.mp4", times=range(8))
+    stop_after(monkeypatch, 260, "JsonReporter")
+    *_, stopped, sentence = fpsboost_(*COMMAND, "--progress", "json").lines
+    assert {"stage": "stopped", "finished": 240, "frames": 320}.items() <= json.loads(stopped).items()
+    assert sentence == "Stopped; 240 of 320 frames are finished, and --resume goes on from there."
 
 
 def test_another_input_is_refused(fpsboost_, tmp_path, monkeypatch):
