@@ -20,7 +20,6 @@ from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
-from fpsboost.remarks import Remarks
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.options import Timing
 
@@ -67,15 +66,15 @@ def preview(
     with Console(stderr=True, quiet=options.quiet).status("reading") as status:
         run_options = RunOptions(limit=options.limit, threads=options.threads)
         result = run(job, methods, run_options, at=options.at, on_task=lambda task: status.update(literal(task)))
-        result.remarks = Remarks(in_flags(each) for each in result.remarks)
         status.update("writing the page")
         words = command_line(input, output, motions[0], decoding, timing, cuts)
         check_writable(place, str(place), overwrite=options.overwrite)  # once more: minutes have passed
-        write_whole(place, make_page(result, shlex.join(words)).encode())
+        notes = [in_flags(remark) for remark in result.remarks]
+        write_whole(place, make_page(result, shlex.join(words), notes).encode())
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)
-    for remark in result.remarks:
-        console.print(f"Note: {literal(remark)}", soft_wrap=True)
+    for note in notes:
+        console.print(f"Note: {literal(note)}", soft_wrap=True)
     for name, seconds in result.seconds_per_frame.items():
         console.print(sentence(f"{name}: {estimate_sentence(result.frames, seconds)}"), soft_wrap=True)
     if options.side_by_side is not None:

@@ -5,7 +5,7 @@ The views may also be written as a video, side by side.
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -45,8 +45,10 @@ from fpsboost.pages import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.preview.places import Passage, Selection, find_passages, find_retimed, first_packet_size
 from fpsboost.preview.view import View
 
-TINT, OPACITY = np.array([255, 0, 255], np.float32), 0.6
-"""Colour of what a mask keeps, in BGR, and its share."""
+TINT = np.array([255, 0, 255], np.float32)
+"""Colour of what a mask keeps, in BGR."""
+OPACITY = 0.6
+"""Share of that colour there."""
 
 
 class ConvertedPassage(NamedTuple):
@@ -134,8 +136,11 @@ def preview(
     """
     target = job.target(run)
     with prepared(job, run) as ready:
-        info, frames, rate = ready.clip.whole.info, ready.output.expected_frames, ready.output.timing.rate
-        curve, mask = ready.clip.clip_curve, ready.interpolator.mask
+        info = ready.clip.whole.info
+        curve = ready.clip.clip_curve
+        frames = ready.output.expected_frames
+        rate = ready.output.timing.rate
+        mask = ready.interpolator.mask
     if job.timing.retimes:
         factor = job.timing.multiple if job.timing.fps is None else None
         job = replace(job, timing=replace(job.timing, factor=factor, retime=None, speed=None, slow_motion_sound=None))
@@ -273,8 +278,11 @@ class LeastCertain(NamedTuple):
     """Mean confidence of the frame, 0 to 1; None if the method has none."""
 
 
-def make_page(preview: Preview, command: str) -> str:
-    """Return a page as HTML text; `command` is the command line of the whole conversion."""
+def make_page(preview: Preview, command: str, notes: Sequence[str]) -> str:
+    """Return a page as HTML text.
+
+    `command` is the command line of the whole conversion, and `notes` are the remarks in the words of that.
+    """
     frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
     work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
     included = (
@@ -293,6 +301,7 @@ def make_page(preview: Preview, command: str) -> str:
         estimates={name: estimate_sentence(preview.frames, each) for name, each in preview.seconds_per_frame.items()},
         included=included,
         command=command,
+        notes=notes,
         played=_player_data(preview),
     )
 

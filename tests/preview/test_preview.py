@@ -192,6 +192,15 @@ def test_passages_show_the_points_of_a_curve(short, tmp_path, curve):
             assert np.abs(trial.after.image_at(time) - whole[number]).mean() < 4
 
 
+def test_notes_name_flags(fpsboost_, tmp_path):
+    """What is said of the passages names options as the command line does, on the terminal and on the page."""
+    write_clip(tmp_path / "in.mkv", times=[each + each // 3 for each in range(24)])
+    result = fpsboost_("preview", "in.mkv", "-m", "blend", "--at", "0.2")
+    (note,) = result.out.splitlines()[:-2]
+    assert "--keep-timing keeps it" in note
+    assert note in (tmp_path / "in-preview.html").read_text()
+
+
 def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_path, snapshot):
     """One page appears in the current folder, named after the clip, and the command says where."""
     before = snapshot(short.parent)
@@ -261,7 +270,7 @@ def test_side_by_side_video(shown, tmp_path):
 @pytest.fixture(scope="module")
 def page(shown, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "page.html"
-    path.write_text(make_page(shown, "fpsboost 'in & out.mp4' out.mp4"))
+    path.write_text(make_page(shown, "fpsboost 'in & out.mp4' out.mp4", []))
     return path
 
 
