@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
-from fpsboost.errors import InputError, OptionError, OutputError, applicable, explained
+from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
 from fpsboost.io.animation.sink import AnimationSink
@@ -103,9 +103,12 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     input_fps = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with explained(InputError, "read", path, "check the name and the permissions"):
-        given = {"`fill_gaps`": fill_gaps, "`passes`": decoding.passes is not None, "`view`": decoding.view != "none"}
-        for option in applicable(given):
-            check_images(path, option)
+        if fill_gaps:
+            check_images(path, "`fill_gaps`")
+        if decoding.passes is not None:
+            check_images(path, "`passes`")
+        if decoding.view != "none":
+            check_images(path, "`view`")
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
             return PipeSource(for_images=requirements.pictures_alone, keeps_planes=requirements.planes, limit=limit)

@@ -3,7 +3,7 @@
 Every message is one sentence that names the file or the option and says what to do.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -62,17 +62,6 @@ def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: st
         yield
     except OSError as error:
         raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error
-
-
-def applicable(conditions: Mapping[str, object]) -> list[str]:
-    """Return the sentences or words whose condition is met.
-
-    Examples
-    --------
-    >>> applicable({"a rotation": True, "a crop": None})
-    ['a rotation']
-    """
-    return [what for what, applies in conditions.items() if applies]
 
 
 @contextmanager

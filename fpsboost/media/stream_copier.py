@@ -102,7 +102,7 @@ class StreamCopier:
         self.tags = tags_for(self._input.metadata, self._container)
         output.metadata.update(self.tags.values)
         chapters = chapters_within(self._input, self._window, source.start)
-        unread = unread_of_chapters(self._input)
+        unread = ", ".join(unread_of_chapters(self._input))
         output.set_chapters(chapters)
         self.remarks = Remarks()
         if self.tags.lost:
@@ -110,7 +110,7 @@ class StreamCopier:
         if chapters and mapping.any_codec:
             self._remark("chapters-lost")
         if unread:
-            self._remark("chapter-parts-lost", parts=", ".join(unread))
+            self._remark("chapter-parts-lost", parts=unread)
         copy_labels(self._input.streams[source.stream_index], video, self._container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
@@ -167,8 +167,9 @@ class StreamCopier:
             streams = [stream for stream in file.streams if not is_cover_art(stream)]
             for index, (kind, tags, flags) in self._labels.items():  # streams of each type are in order, but not all
                 place = next((n for n, stream in enumerate(streams) if stream.type == kind), None)
-                if place is not None and (lost := lost_labels(tags, flags, streams.pop(place))):
-                    self._remark("labels-lost", labels=" and ".join(lost), stream=index)
+                lost = "" if place is None else " and ".join(lost_labels(tags, flags, streams.pop(place)))
+                if lost:
+                    self._remark("labels-lost", labels=lost, stream=index)
 
     def _remark(self, kind: str, **values: object) -> None:
         """Add a remark on the output."""

@@ -17,7 +17,6 @@ from av.container import InputContainer
 from av.stream import Disposition, Stream
 
 from fpsboost.media.containers import Container
-from fpsboost.media.errors import applicable
 from fpsboost.media.opening import HEADER_BOX, boxes_of
 from fpsboost.media.pyav import REFUSALS, open_input, trial_file
 
@@ -141,19 +140,20 @@ def copy_labels(stream: Stream, target: Stream, container: Container) -> None:
     target.disposition = stream.disposition
 
 
-def lost_labels(tags: dict[str, str], flags: Disposition, stream: Stream) -> list[str]:
-    """Describe the language, title and dispositions that a stream was given and lacks in the finished file."""
+def lost_labels(tags: dict[str, str], flags: Disposition, stream: Stream) -> Iterator[str]:
+    """Yield, in words, the language, title and dispositions that a stream was given and lacks in the finished file."""
     before = _lower(tags)
     after = _lower(stream.metadata)
     language = before.get("language", "und")
     title = before.get("title")
     roles = int(flags) & ~int(stream.disposition)
-    lost = {
-        f"the language {language}": language not in ("und", after.get("language")),
-        f"the title {title}": title and title not in (after.get("title"), after.get("name")),
-        **{f"the role {role.name}": roles & role for role in Disposition},
-    }
-    return applicable(lost)
+    if language not in ("und", after.get("language")):
+        yield f"the language {language}"
+    if title and title not in (after.get("title"), after.get("name")):
+        yield f"the title {title}"
+    for role in Disposition:
+        if roles & role:
+            yield f"the role {role.name}"
 
 
 def regional_languages(file: InputContainer) -> dict[int, str]:
@@ -229,27 +229,29 @@ def _lower(tags: Mapping[str, str]) -> dict[str, str]:
     return {key.lower(): value for key, value in tags.items()}
 
 
-def unread_of_chapters(file: InputContainer) -> list[str]:
-    """Return in words the properties of chapters that FFmpeg does not read, found in Matroska's element for them.
+def unread_of_chapters(file: InputContainer) -> Iterator[str]:
+    """Yield in words the properties of chapters that FFmpeg does not read, found in Matroska's element for them.
 
     FFmpeg leaves out chapters inside others, and those that begin no later than one before, as where an edition begins.
     """
     kept = len(file.chapters())
     if not kept:
-        return []
+        return
     elements = _elements_to(CHAPTERS, file)
     names = [element.name for element in elements]
     contents = {(element.name, element.content) for element in elements}
     of_names = [element.parent for element in elements if element.name == CHAPTER_NAME]
     count = names.count(CHAPTER)
-    unread = {
-        ORDER: any(name == IS_ORDERED and value for name, value in contents),
-        f"{count - kept} of {count} chapters": count > kept,
-        "second names": len(of_names) > len(set(of_names)),
-        "languages": any(name == LANGUAGE and value not in NO_LANGUAGES for name, value in contents),
-        "flags of hidden chapters": any(name == IS_HIDDEN and value for name, value in contents),
-    }
-    return applicable(unread)
+    if any(name == IS_ORDERED and value for name, value in contents):
+        yield ORDER
+    if count > kept:
+        yield f"{count - kept} of {count} chapters"
+    if len(of_names) > len(set(of_names)):
+        yield "second names"
+    if any(name == LANGUAGE and value not in NO_LANGUAGES for name, value in contents):
+        yield "languages"
+    if any(name == IS_HIDDEN and value for name, value in contents):
+        yield "flags of hidden chapters"
 
 
 class _Element(NamedTuple):

@@ -1,7 +1,7 @@
 """Properties of a video's pictures beyond their samples: colour coding, pixel shape, orientation and HDR metadata."""
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -12,7 +12,7 @@ import numpy as np
 from av.error import FFmpegError
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.media.errors import InputError, applicable
+from fpsboost.media.errors import InputError
 from fpsboost.media.pixels import (
     BT709,
     LIMITED_RANGE,
@@ -163,15 +163,14 @@ class VideoTraits:
         numbers = self.color_primaries, self.color_transfer
         return (UNSPECIFIED, UNSPECIFIED) if {*numbers} <= _plain else numbers
 
-    @property
-    def beyond_sdr(self) -> list[str]:
-        """Properties, in words, that a target without colour tags loses; plain SDR looks nearly right without tags."""
-        lost = {
-            "colour primaries": self.color_primaries not in {*_plain, 5, 6},  # 5 and 6 are of BT.601
-            "transfer function": self.color_transfer in (LINEAR, PQ, HLG),
-            MASTERING: self.mastering_display is not None or self.light_level is not None,
-        }
-        return applicable(lost)
+    def beyond_sdr(self) -> Iterator[str]:
+        """Yield in words what a target without colour tags loses; plain SDR looks nearly right without."""
+        if self.color_primaries not in {*_plain, 5, 6}:  # 5 and 6 are of BT.601
+            yield "colour primaries"
+        if self.color_transfer in (LINEAR, PQ, HLG):
+            yield "transfer function"
+        if self.mastering_display is not None or self.light_level is not None:
+            yield MASTERING
 
 
 def read_traits(

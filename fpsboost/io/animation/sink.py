@@ -61,7 +61,7 @@ class AnimationSink(StagedSink):
         self._ticks = list[int]()
         colours = output.stream.traits or output.stream.colours
         self._code_points = colours.code_points
-        lost = " and the ".join(word for word in colours.beyond_sdr if not self._type.has_tags or word == MASTERING)
+        lost = " and the ".join(word for word in colours.beyond_sdr() if not self._type.has_tags or word == MASTERING)
         self._losses = Remarks()
         if lost:
             self._losses.add("not-said-in-animation", name=self._name, what=lost)

@@ -24,7 +24,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.animation.writers import MAX_DELAY_TERM, SHORTEST_GIF_DELAY, WEBP_ANIMATED
-from fpsboost.io.images.encoder import colours_of
+from fpsboost.io.images.colours import colours_of
 from fpsboost.io.images.files import PNG_SIGNATURE, ImageMetadata, content_of, png_chunks
 from fpsboost.io.output import StreamInfo
 from fpsboost.media import as_fraction, counted, measure_rate

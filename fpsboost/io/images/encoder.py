@@ -6,11 +6,10 @@ and WebP with EXIF and XMP as they are stored, the pixels of a JPEG as OpenImage
 LZW with a predictor takes a third off an 8-bit TIFF; float TIFF stays uncompressed.
 """
 
-import re
 import struct
 import tempfile
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,10 @@ import cv2
 import numpy as np
 
 from fpsboost.colour import with_red_and_blue_swapped
-from fpsboost.errors import OutputError, applicable
+from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Image, type_names, view
+from fpsboost.io.images.colours import metadata_of_video
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
 from fpsboost.io.images.files import (
     COLOUR_CHUNKS,
@@ -37,7 +37,7 @@ from fpsboost.io.images.files import (
 from fpsboost.io.images.layers import encode_like, remark_on_losses
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.media import BT709, BT2020, LINEAR, SRGB, UNSPECIFIED, VideoTraits, primaries, traits_of_png, transfers
+from fpsboost.media import VideoTraits
 from fpsboost.remarks import Remarks
 
 INCH = 0.0254  # metres
@@ -50,23 +50,6 @@ _pillow_types: dict[str, tuple[str, dict[str, Any]]] = {
     **dict.fromkeys((".jpg", ".jpeg"), ("JPEG", {"quality": 95})),
     ".webp": ("WEBP", {"lossless": True, "exact": True, "quality": 70}),  # of the search for a small file
 }
-
-_chromaticities = {
-    BT709: (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
-    BT2020: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
-    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),  # Display P3
-}
-"""CIE 1931 x and y of red, green, blue and white, by the number of primaries in ITU-T H.273."""
-_patches = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255), (32, 32, 32), (128, 128, 128)]], np.uint8)
-"""Red, green, blue and two grays, whose CIELab identifies an ICC profile's primaries and transfer function."""
-_patches_of_primaries = {
-    BT709: ((138, 81, 70), (224, 177, 81), (75, 68, 144)),
-    BT2020: ((152, 117, 107), (219, 128, 109), (65, 74, 130)),
-    12: ((143, 94, 99), (221, 149, 103), (79, 70, 140)),
-}
-"""The first three of these in CIELab, in Pillow's 8-bit encoding, by the number of primaries."""
-_patches_of_transfers = {BT709: (50, 148), 4: (24, 138), 5: (7, 115), LINEAR: (107, 194), SRGB: (31, 137)}
-"""Lightness of the two grays, likewise, by the number of the transfer function; 4 and 5 are gamma 2.2 and 2.8."""
 
 
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata = ImageMetadata()) -> bytes:
@@ -159,20 +142,23 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
     return data
 
 
-def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> list[str]:
-    """Return the names of metadata that a type of file, such as ``.png``, cannot hold."""
+def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> Iterator[str]:
+    """Yield the names of metadata that a type of file, such as ``.png``, cannot hold."""
     holds_words = extension in (".png", ".jpg", ".jpeg", ".webp")
     holds_most = holds_words or extension in (".tif", ".tiff")
     room = _room_in(extension) if holds_words else 0
-    wanted = {
-        "colour profile": bool(metadata.profile) and not (holds_most and metadata.profile_for(channels)),
-        "colour tags": any(name in COLOUR_CHUNKS for name, _ in metadata.chunks) and extension != ".png",
-        "resolution": metadata.dots_per_inch is not None and (extension == ".webp" or not holds_most),
-        "EXIF data": len(metadata.exif) > room,
-        "XMP data": len(metadata.xmp) > room,
-        "OpenEXR attributes": metadata.has_exr_attributes and extension != ".exr",
-    }
-    return applicable(wanted)
+    if metadata.profile and not (holds_most and metadata.profile_for(channels)):
+        yield "colour profile"
+    if extension != ".png" and any(name in COLOUR_CHUNKS for name, _ in metadata.chunks):
+        yield "colour tags"
+    if metadata.dots_per_inch is not None and (extension == ".webp" or not holds_most):
+        yield "resolution"
+    if len(metadata.exif) > room:
+        yield "EXIF data"
+    if len(metadata.xmp) > room:
+        yield "XMP data"
+    if metadata.has_exr_attributes and extension != ".exr":
+        yield "OpenEXR attributes"
 
 
 def pillow_options(extension: str, metadata: ImageMetadata, channels: int) -> dict[str, Any]:
@@ -209,107 +195,6 @@ def into_png(data: bytes, metadata: ImageMetadata, channels: int) -> bytes:
     )
     behind_header = len(PNG_SIGNATURE) + 25
     return data[:behind_header] + chunks + data[behind_header:]
-
-
-def colours_of(
-    remarks: Remarks, path: Path, metadata: ImageMetadata | None = None, *, displayed: bool = False
-) -> VideoTraits:
-    """Return the colour tags of a video made of images like this one, and add a remark on colours that have no tag.
-
-    FFmpeg's decoder reads those of a PNG. OpenEXR and HDR are tagged as linear.
-
-    Parameters
-    ----------
-    remarks : Remarks
-        Remarks to add to.
-    path : Path
-        One of the images.
-    metadata : ImageMetadata, optional
-        Its metadata; read from the file without it.
-    displayed : bool
-        Whether OpenEXR and HDR are converted by the transfer function of sRGB, and so tagged.
-
-    Returns
-    -------
-    VideoTraits
-        Traits, in which all that the image does not declare is unspecified.
-    """
-    extension = extension_of(path.name)
-    chunks = dict[bytes, bytes]()
-    if extension in (".exr", ".hdr"):
-        said = read_exr_header(path).parts[0].attributes if extension == ".exr" else {}
-        points = said.get("chromaticities", _chromaticities[BT709])
-        chunks[b"cHRM"] = b""
-        number = _number_of(_chromaticities, points, 0.001)
-        transfer = SRGB if displayed else LINEAR
-        tags = VideoTraits(color_primaries=number, color_transfer=transfer)
-    else:
-        metadata = metadata or metadata_of(path)
-        chunks |= metadata.chunks
-        tags = traits_of_png(path) if chunks else VideoTraits()
-        if metadata.profile and b"cICP" not in chunks:
-            tags = _traits_of_profile(metadata.profile)
-            chunks = {b"iCCP": metadata.profile}
-    has_primaries = tags.color_primaries in primaries
-    has_transfer = tags.color_transfer in transfers
-    untaggable = {
-        "ICC profile": b"iCCP" in chunks and not (has_primaries and has_transfer),
-        "code points": b"cICP" in chunks and not (has_primaries and has_transfer),
-        "chromaticities": b"cHRM" in chunks and not has_primaries,
-        "gamma": b"gAMA" in chunks and not has_transfer,
-        "limited range": chunks.get(b"cICP", b"")[3:] == b"\0",
-    }
-    words = " and the ".join(applicable(untaggable))
-    if words:
-        remarks.add("colours-without-tag", what=words, file=path.name)
-    return tags
-
-
-def _number_of(known: dict[int, Any], values: Any, tolerance: float) -> int:
-    """Return the number whose values these are, within a tolerance; that of unspecified colours if there is none."""
-    close = (number for number, those in known.items() if np.allclose(those, values, rtol=0, atol=tolerance))
-    return next(close, UNSPECIFIED)
-
-
-def _traits_of_profile(profile: bytes) -> VideoTraits:
-    """Return the primaries and transfer function of an ICC profile, by its `cicp` tag, or by measuring.
-
-    It is measured by converting a few colours to CIELab, because the name of a profile is arbitrary. What no number
-    stands for is unspecified.
-    """
-    from PIL import Image, ImageCms  # noqa: PLC0415  # only who converts such images to a video waits for it
-
-    said = re.search(rb"cicp\0{4}(..)", profile, re.DOTALL)
-    if said:
-        return VideoTraits(color_primaries=said[1][0], color_transfer=said[1][1])
-    with suppress(ImageCms.PyCMSError, OSError):  # profiles of gray or of print, and damaged ones
-        ours = ImageCms.getOpenProfile(BytesIO(profile))
-        lab = ImageCms.createProfile("LAB")
-        transform = ImageCms.buildTransform(ours, lab, "RGB", "LAB", ImageCms.Intent.RELATIVE_COLORIMETRIC)
-        measured = np.asarray(ImageCms.applyTransform(Image.fromarray(_patches), transform))[0].astype(int)
-        return VideoTraits(
-            color_primaries=_number_of(_patches_of_primaries, measured[:3], 1),
-            color_transfer=_number_of(_patches_of_transfers, measured[3:, 0], 1),
-        )
-    return VideoTraits()
-
-
-def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
-    """Return a video's colours as metadata of PNG: cICP, mDCV and cLLI; an unknown part of mDCV is 0."""
-    display = traits.mastering_display
-    light = traits.light_level
-    chunks: list[tuple[bytes, bytes]] = []
-    if traits.code_points != (UNSPECIFIED, UNSPECIFIED):
-        chunks.append((b"cICP", bytes((*traits.code_points, 0, 1))))  # RGB of full range
-    if display is not None:
-        points = display.colours or [(0, 0)] * 4
-        numbers = [50_000 * part for point in points for part in point]
-        numbers += [10_000 * (limit or 0) for limit in (display.brightest, display.darkest)]
-        chunks.append((b"mDCV", struct.pack(">8H2I", *map(round, numbers))))
-    if light is not None:
-        levels = struct.pack(">2I", light.brightest_pixel * 10_000, light.brightest_frame * 10_000)
-        chunks.append((b"cLLI", levels))
-    return ImageMetadata(chunks=tuple(chunks))
 
 
 class ImageEncoder:
@@ -369,8 +254,7 @@ class ImageEncoder:
                 return data
         elif isinstance(frame.preceding, Path) and frame.preceding != self._followed:
             self._follow(frame.preceding)
-        lost = lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
-        for item in lost:
+        for item in lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2]):
             self.remarks.add("metadata-not-held", name=self._path, what=item)
         if self._exr is not None and extension_of(path.name) == ".exr":
             remark_on_losses(self.remarks, self._exr, self._layers, anew=self._anew)

@@ -18,7 +18,7 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
-from fpsboost.io.images.encoder import colours_of
+from fpsboost.io.images.colours import colours_of
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, metadata_of, read_image
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes
 from fpsboost.io.images.sequence import (

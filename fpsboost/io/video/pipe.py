@@ -20,7 +20,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.contracts import ReadInOrder
-from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError, applicable
+from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
@@ -289,14 +289,15 @@ class PipeSink:
 
     def _remark_on_traits(self, traits: VideoTraits, color_space: int) -> None:
         """Remark on the colour matrix, HDR metadata, rotation and side data that the format cannot carry."""
-        lost = {
-            "colour matrix": color_space != assumed_color_space(self._info.height),
-            **dict.fromkeys(traits.beyond_sdr, True),
-            "rotation": traits.display_matrix is not None,
-            **dict.fromkeys(traits.side_data.values(), True),
-        }
-        words = " and ".join(applicable(lost))
-        if words:
+        lost = list[str]()
+        if color_space != assumed_color_space(self._info.height):
+            lost.append("colour matrix")
+        lost += traits.beyond_sdr()
+        if traits.display_matrix is not None:
+            lost.append("rotation")
+        lost += traits.side_data.values()
+        if lost:
+            words = " and ".join(dict.fromkeys(lost))  # each once
             self.remarks.add("not-said-in-pipe", name=OUTPUT_NAME, what=words, source=self._info.name)
 
     def _remark_on(self, frame: Frame) -> None:
