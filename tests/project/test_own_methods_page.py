@@ -42,6 +42,13 @@ def test_the_method_of_the_page_keeps_values_where_the_light_changes(page):
     assert np.abs(made - 0.75 * TEXTURE).mean() < 2
 
 
+def test_options_of_the_page_are_checked(page):
+    """A value outside of its range is refused with the sentence that the page quotes."""
+    with pytest.raises(fpsboost.OptionError) as refused:
+        page["GlobalShift"](smoothing=0)
+    assert f'"{refused.value}"' in PAGE.read_text(encoding="utf-8")
+
+
 def test_the_method_of_the_page_converts_files(page, tmp_path):
     """Four times the frames."""
     source = write_clip(tmp_path / "in.mp4", times=range(5))

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from fpsboost import InputError, OptionError, OutputError, PlannedFrame, RerenderPlan, plan_rerender
+from fpsboost import InputError, InUseError, OptionError, OutputError, PlannedFrame, RerenderPlan, plan_rerender
 from fpsboost.io.images.files import read_image
+from fpsboost.io.new_output import new_folder
 from fpsboost.rerender import PlanOptions, parse_budget
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, squared_error
@@ -177,6 +178,14 @@ def test_what_cannot_be_planned(tmp_path, unchanged):
                 plan_rerender(str(source), str(tmp_path / "plan"))
         with pytest.raises(OutputError, match="not empty"):
             plan_rerender(str(clip), str(full))
+
+
+def test_one_run_at_a_time_writes_a_plan(tmp_path):
+    """A second run into the same folder is refused before it reads an image, of which none can be read here."""
+    for number in range(1, 4):
+        (tmp_path / f"{number:04d}.png").write_bytes(b"")
+    with new_folder(tmp_path / "plan"), pytest.raises(InUseError, match="another run"):
+        plan_rerender(str(tmp_path / "####.png"), str(tmp_path / "plan"))
 
 
 def test_a_damaged_plan_is_refused(tmp_path):
