@@ -16,10 +16,9 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 from fpsboost.errors import FpsboostError, InputError, OptionError, rounded
-from fpsboost.options import Checked, PositiveInt, Range
+from fpsboost.options import Checked, PathName, PositiveInt
 
 BASE_BYTES = 300_000_000  # memory that a conversion takes whatever the size of its frames
 BYTES_PER_PIXEL = 400
@@ -79,17 +78,15 @@ class MemoryLimit(Checked):
     Parameters
     ----------
     bytes : int
-        Above 0; by default the memory that is available now.
+        At least 1; by default the memory that is available now.
     bytes_per_pixel : int
         What a conversion takes for each pixel of a frame, with one thread.
     """
 
-    bytes: Annotated[int, Range(above=0)] = field(default_factory=available_memory)
+    bytes: PositiveInt = field(default_factory=available_memory)
     bytes_per_pixel: PositiveInt = BYTES_PER_PIXEL
 
-    def check(
-        self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0, *, decoding: int = 0
-    ) -> None:
+    def check(self, name: PathName, width: int, height: int, planes: int = 0, *, decoding: int = 0) -> None:
         """Raise `InputError` if frames of this size, planes of layers, and further bytes for decoding, need more."""
         need = self._needed(width, height, planes) + decoding
         most = self._most()

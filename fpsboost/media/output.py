@@ -9,7 +9,8 @@ from fpsboost.media.containers import MATROSKA_TICK, Container, containers_by_su
 from fpsboost.media.demuxer import VideoFile
 from fpsboost.media.errors import OutputError
 from fpsboost.media.info import ClipInfo, EncodeSettings, OutputTiming
-from fpsboost.media.staging import JobFingerprint, OutputPart
+from fpsboost.media.parts import OutputPart
+from fpsboost.media.staging import JobFingerprint
 from fpsboost.media.time_map import TimeMap
 from fpsboost.media.traits import VideoTraits
 

@@ -2,7 +2,7 @@
 
 Such a folder lies beside the output, and stays there if a run is stopped. It is locked while a run writes there; the
 system releases the lock when the run ends, however it ends. Its manifest identifies the job, so that `--resume`
-continues only the same job. A part of an output, to be joined with the others afterwards, becomes a folder of its own.
+continues only the same job.
 """
 
 import hashlib
@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from io import BufferedRandom
@@ -19,8 +19,6 @@ from pathlib import Path
 from types import TracebackType
 
 from fpsboost.media.errors import (
-    CompleteAlreadyError,
-    ExistsError,
     InputError,
     InUseError,
     OptionError,
@@ -30,11 +28,12 @@ from fpsboost.media.errors import (
 )
 from fpsboost.media.locks import lock_file
 from fpsboost.media.remarks import Remarks
-from fpsboost.media.safe_files import rename_safely, sync, write_safely
+from fpsboost.media.safe_files import rename_safely, write_safely
 
 LOCK = "lock"
 MANIFEST = "manifest.json"
 COMPLETE = "whole"
+REPLACED = "replaced"
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60  # maximum length of an option's value that a message quotes, characters
@@ -58,17 +57,6 @@ class JobFingerprint:
 
     facts: Mapping[str, str]
     resume: bool = False
-
-
-@dataclass(frozen=True)
-class OutputPart:
-    """Part of an output: `frames` frames (None if unknown), from number `first` on, in a folder of its own."""
-
-    folder: Path
-    first: int
-    frames: int | None
-    complete: Callable[[Path], None]
-    """Called with the folder of the finished files before it gets its final name, to add what describes them."""
 
 
 class StagingDirectory:
@@ -335,76 +323,3 @@ class UnfinishedOutput:
 def complete_already(name: str) -> str:
     """Return the message for a run to be resumed whose output exists and has no unfinished part."""
     return f"{name} exists already and no run of it is unfinished, so it was left as it is."
-
-
-REPLACED = "replaced"
-INDEX_NAME = ".index.json"
-"""File in the folder of all parts with the list of the input's frames."""
-
-
-class PartFolder(StagingDirectory):
-    """Hidden folder in which a part of an output is written; `staged` is a folder in it for the part's files.
-
-    Parameters
-    ----------
-    part : OutputPart
-        The part.
-    job : JobFingerprint or None
-        Inputs and options that a run which resumes must share.
-    overwrite : bool
-        Replace the part if it is there.
-
-    Raises
-    ------
-    CompleteAlreadyError
-        The part is there and the job is to be resumed.
-    ExistsError
-        The part is there otherwise, and `overwrite` is not set.
-    OutputError
-        The folder in which the folder of all parts belongs does not exist.
-    """
-
-    def __init__(self, part: OutputPart, job: JobFingerprint | None, *, overwrite: bool) -> None:
-        self._part = part
-        folder = part.folder
-        super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), job)
-        UnfinishedOutput(folder).discard_published()
-        if folder.exists() and not overwrite:
-            if job is not None and job.resume:
-                raise CompleteAlreadyError(complete_already(self.name))
-            raise ExistsError(f"{self.name} exists already; give `resume` to keep it, or `overwrite=True`.")
-        if not folder.parent.parent.is_dir():
-            raise OutputError(f"The folder {folder.parent.parent} does not exist; create it first.")
-
-    def open(self) -> None:
-        """Lock the hidden folder for this run, with the files of an earlier run that this one resumes."""
-        self._part.folder.parent.mkdir(exist_ok=True)
-        with undone_by(lambda: remove_if_empty(self._part.folder.parent)):
-            super().open()
-            self.staged.mkdir(exist_ok=True)
-
-    def publish_part(self) -> None:
-        """Add the description of the part, and give its folder its final name, replacing an earlier one."""
-        self._part.complete(self.staged)
-        sync(self.staged)
-        if self._part.folder.exists():
-            os.replace(self._part.folder, self.folder / REPLACED)
-        self.publish(self._part.folder)
-
-    def leave(self, error: BaseException | None, frames: int, expected: int | None) -> None:
-        """Release the hidden folder, and also remove the folder of all parts if it is empty."""
-        super().leave(error, frames, expected)
-        remove_if_empty(self._part.folder.parent)
-
-
-def remove_if_empty(folder: Path) -> None:
-    """Remove the folder of all parts if it holds none."""
-    with suppress(OSError):
-        if os.listdir(folder) == [INDEX_NAME]:
-            (folder / INDEX_NAME).unlink()
-        folder.rmdir()  # fails unless it is empty
-
-
-def part_files(folder: Path) -> list[Path]:
-    """Return the files of a part in order of their names."""
-    return sorted(path for path in folder.iterdir() if path.is_file())

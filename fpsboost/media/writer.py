@@ -25,12 +25,12 @@ from fpsboost.media.encoding import choose_encoder
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
 from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
+from fpsboost.media.parts import PartFolder
 from fpsboost.media.pictures import FormatUnifier
 from fpsboost.media.pyav import Packet, explained_writing, trial_file
 from fpsboost.media.remarks import Remark
 from fpsboost.media.safe_files import check_writable
 from fpsboost.media.staging import (
-    PartFolder,
     StagedSink,
     StagingDirectory,
     UnfinishedOutput,

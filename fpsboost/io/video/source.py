@@ -1,6 +1,5 @@
 """Read a video file: its clip's pictures as frames, in planes or as BGR."""
 
-import os
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -23,6 +22,7 @@ from fpsboost.media import (
     has_alpha,
 )
 from fpsboost.memory import MemoryLimit
+from fpsboost.options import PathName
 from fpsboost.threads import available_cores
 
 
@@ -61,7 +61,7 @@ class VideoSource(Clip):
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        path: PathName,
         *,
         for_images: bool = False,
         keeps_alpha: bool = False,
