@@ -57,13 +57,11 @@ def find_context(frame_pair: FramePair, step: int, bandwidth: float, sharpness: 
     begin = -before.duration if before else -1
     end = 1 + after.duration if after else 2
     times = begin, 0.0, 1.0, end
-    flat0 = image0.derived(flatness, step)
-    flat1 = image1.derived(flatness, step)
     field01 = frame_pair.field01
     field10 = frame_pair.field10
     points0, points1 = (
-        np.dstack([*field.at_points(step), 1 / (1 + field.errors_at_points(step, back)), flat])
-        for field, back, flat in ((field01, field10, flat0), (field10, field01, flat1))
+        np.dstack([*field.at_points(step), 1 / (1 + field.errors_at_points(step, back)), image.derived(flatness, step)])
+        for image, field, back in ((image0, field01, field10), (image1, field10, field01))
     )
     nothing = np.empty((0, 0, 0), np.float32)
     numbers = 3 * 0.5 / bandwidth**2, sharpness
@@ -75,6 +73,7 @@ def context_at(context: PairContext, t: float, candidates: Candidates) -> PairCo
     landings = np.empty((2, *context.points[0].shape[:2]), np.float32)
     for points, time, counts in zip(context.points, (t, 1 - t), landings, strict=True):
         count_landings(points, time, context.step, counts)
-    context = context._replace(landings=landings, support=np.zeros_like(candidates.weights))
-    measure_support(candidates, context, t, context.support)
-    return context
+    support = np.zeros_like(candidates.weights)
+    context = context._replace(landings=landings, support=support.copy())
+    measure_support(candidates, context, t, support)
+    return context._replace(support=support)
