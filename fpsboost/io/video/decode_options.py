@@ -1,12 +1,12 @@
 """Options of the user for reading a source."""
 
 import os
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from fpsboost.options import Checked, PathName, Range, Rate, option
+from fpsboost.options import Checked, PathName, Range, Rate, given_fields, option
 from fpsboost.timing.position import Trim
 from fpsboost.timing.schedule import parse_number, parse_rate
 
@@ -106,6 +106,5 @@ class DecodeOptions(Checked):
     @property
     def given(self) -> list[str]:
         """Names of the options for video files that differ from the defaults."""
-        others = "trim", "passes", "view", "guide", "guide_offset"
-        ours = [field for field in fields(self) if field.name not in others]
-        return [f"`{field.name}`" for field in ours if getattr(self, field.name) != field.default]
+        for_others_too = {"start", "end", "passes", "view", "guide", "guide_offset"}
+        return [f"`{each.name}`" for each, _ in given_fields(self) if each.name not in for_others_too]
