@@ -3,7 +3,8 @@
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, count, cycle, islice, takewhile
 from typing import Annotated, Any, Literal, overload
@@ -14,12 +15,14 @@ import numpy as np
 from fpsboost.analysis.duplicates import detector_of
 from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.conflicts import check_together
-from fpsboost.contracts import Entry, FrameSource, OutputRange, Summary
+from fpsboost.contracts import Entry, OutputRange, Summary
 from fpsboost.edits import LOOP_CONTEXT
 from fpsboost.errors import InputError, OptionError
+from fpsboost.guides import guides_of, guides_of_stream
 from fpsboost.image import Image
 from fpsboost.image_checks import check_image
 from fpsboost.interpolator import Interpolator
+from fpsboost.io import DescribedSource
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -44,6 +47,7 @@ def stream(
     input_fps: Rate | None = None,
     duplicates: Duplicates = "interpolate",
     threads: PositiveInt | None = None,
+    guide: PathName | Iterable[Image] | None = None,
 ) -> Iterator[Image]:
     """Raise the frame rate of a source of frames, and yield frames as they are made.
 
@@ -71,6 +75,8 @@ def stream(
         Whether frames that repeat the one before are replaced by interpolated ones, or kept.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
+    guide : str, os.PathLike or iterable of (h, w, C) uint8, uint16 or float32, optional
+        Cheap clip of the output, as `fpsboost.convert` takes it; or a picture for every output frame, in order.
 
     Yields
     ------
@@ -92,18 +98,26 @@ def stream(
     >>> frames = [np.full((32, 48, 3), level, np.uint8) for level in (0, 40, 80)]
     >>> [int(frame.mean()) for frame in stream(frames, method="blend")]
     [0, 20, 40, 60, 80, 80]
+    >>> small = [np.full((16, 24, 3), level, np.uint8) for level in (0, 20, 40, 60, 80, 80)]
+    >>> len(list(stream(frames, method="blend", guide=small)))
+    6
     """
     interpolator = find_method(method)
     timing = Timing(factor, fps, retime=retime)
     decoding = DecodeOptions(input_fps=input_fps)
     limit = MemoryLimit(bytes_per_pixel=BYTES_PER_PIXEL_OF.get(type(interpolator.estimator), BYTES_PER_PIXEL))
     linear = interpolator.takes_layers
-    with _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None) as opened:
+    with ExitStack() as stack:
+        opened = _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None)
+        stack.enter_context(opened)
         curve = timing.time_map(opened.info)
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
         schedule = timing.schedule(opened.info, curve=curve)
         options = TimelineOptions(duplicates=detector_of(duplicates))
+        if guide is not None:
+            guides = stack.enter_context(guides_of_stream(guide, opened, schedule, interpolator))
+            options = replace(options, guides=guides)
         with interpolate_frames(opened, interpolator, schedule, Summary(), options=options, threads=threads) as frames:
             for frame in frames:
                 yield frame.array
@@ -116,7 +130,7 @@ def _as_source(
     *,
     linear: bool,
     needs_rate: bool,
-) -> FrameSource:
+) -> DescribedSource:
     if isinstance(source, str | os.PathLike):
         requirements = TargetRequirements(linear=linear)
         return open_source(os.fspath(source), requirements=requirements, decoding=decoding, limit=limit)
@@ -144,6 +158,7 @@ def interpolate_clip(
     layout: Literal["nhwc", "nchw"] = ...,
     duplicates: Duplicates = ...,
     threads: int | None = ...,
+    guides: Any = ...,
     progress: Progress | None = ...,
 ) -> Iterator[tuple[Image, Fraction]]: ...
 @overload
@@ -159,6 +174,7 @@ def interpolate_clip(
     layout: Literal["nhwc", "nchw"] = ...,
     duplicates: Duplicates = ...,
     threads: int | None = ...,
+    guides: Any = ...,
     progress: Progress | None = ...,
 ) -> tuple[Image, list[Fraction]]: ...
 @checked
@@ -174,6 +190,7 @@ def interpolate_clip(
     layout: Literal["nhwc", "nchw"] = "nhwc",
     duplicates: Duplicates = "interpolate",
     threads: PositiveInt | None = None,
+    guides: Any = None,
     progress: Progress | None = None,
 ) -> Any:
     """Raise the frame rate of a whole clip of arrays, such as one that a program has generated.
@@ -210,6 +227,8 @@ def interpolate_clip(
         Whether frames that repeat the one before are replaced by interpolated ones, or kept.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
+    guides : array-like, sequence or iterator, optional
+        Cheap pictures of all output frames, like `frames`, and at most as large; see `fpsboost.stream`. Not of a loop.
     progress : callable, optional
         Called after each frame with the number of frames that are done, and the number of all, which is None for an
         iterator.
@@ -246,12 +265,12 @@ def interpolate_clip(
     """
     rate = parse_rate(str(fps), "`fps`")
     target = rate * Timing(factor).multiple if to_fps is None else parse_rate(str(to_fps), "`to_fps`")
-    if None not in (to_fps, factor):
-        check_together({"to_fps", "factor"})
+    given = {"to_fps": to_fps, "factor": factor, "guide": guides, "loop": loop or None}
+    check_together({name for name, value in given.items() if value is not None})
     if min(rate, target) <= 0:
         raise OptionError("`fps` and `to_fps` must be above 0.")
     pixels = _Pixels(order, layout)
-    clip = frames if isinstance(frames, Iterator | list | tuple) else np.atleast_1d(_as_array(frames))
+    clip = _as_images(frames)
     before = list[Image]()
     total = None
     if not isinstance(clip, Iterator):
@@ -271,6 +290,7 @@ def interpolate_clip(
         loop=loop,
         options=TimelineOptions(duplicates=detector_of(duplicates)),
         threads=threads,
+        guides=None if guides is None else map(pixels.read, _as_images(guides)),
         progress=progress,
     )
     if total is None:
@@ -301,6 +321,11 @@ class _Pixels:
 
     def _swapped(self, image: Image) -> Image:
         return with_red_and_blue_swapped(image) if self.order == "rgb" else image
+
+
+def _as_images(frames: Any) -> Any:
+    """Return what `interpolate_clip` takes as a sequence or an iterator of frames."""
+    return frames if isinstance(frames, Iterator | list | tuple) else np.atleast_1d(_as_array(frames))
 
 
 def _as_array(frames: Any) -> Image:
@@ -334,6 +359,7 @@ def _clip_frames(
     loop: bool,
     options: TimelineOptions,
     threads: int | None,
+    guides: Iterable[Image] | None,
     progress: Progress | None,
 ) -> Iterator[tuple[Image, Fraction]]:
     """Yield the output frames of a clip with their times; see `interpolate_clip`.
@@ -344,6 +370,8 @@ def _clip_frames(
     start = len(before) / rate
     ends = list[Fraction]()
     source = ArraySource(chain(before, _continued(images, rate, ends)) if loop else images, rate, "`frames`")
+    if guides is not None:
+        options = replace(options, guides=guides_of(guides, source.info))
     with interpolate_frames(
         source,
         interpolator,

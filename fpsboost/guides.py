@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,19 +13,26 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from fpsboost.contracts import RandomAccess, Summary
+from fpsboost.conflicts import check_together
+from fpsboost.contracts import FrameSource, RandomAccess, Summary
 from fpsboost.edits import OpenedClip
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo
+from fpsboost.image import Image
+from fpsboost.image_checks import check_guide_size
+from fpsboost.interpolator import Interpolator
+from fpsboost.io import DescribedSource
 from fpsboost.io.images.exr import read_exr_header
 from fpsboost.io.images.files import extension_of
 from fpsboost.io.images.layers import contents_of
 from fpsboost.io.images.source import find_images
 from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
 from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import OWN, DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.media import counted
+from fpsboost.options import PathName
 from fpsboost.remarks import Remarks
 from fpsboost.synthesis.guided import describe_findings
 from fpsboost.timeline import FramePlace, positions_of
@@ -210,7 +217,7 @@ def opened_guides(decoding: DecodeOptions, clip: GuidedClip) -> Iterator[OwnGuid
     reading = DecodeOptions(input_fps=rate)
     with open_source(path, requirements=clip.requirements, decoding=reading, fill_gaps=bool(numbers)) as source:
         _check_files(path, source.stream_info.files[0], clip.stream.files)
-        check_size(path, source.info, clip.source.info)
+        _check_size(source, clip.source.info)
         guides = PlacedGuides(source, by_number, place, step if by_number else 1)
         if decoding.trim.is_whole:
             _check_overlap(path, guides, clip)
@@ -230,14 +237,35 @@ def _check_files(path: str, file: Path, of_clip: Sequence[Path]) -> None:
         )
 
 
-def check_size(path: str, guide: ClipInfo, clip: ClipInfo) -> None:
-    """Raise `InputError` if a guide has another shape than the clip, or is larger."""
-    sizes = f"{path} has {guide.width}x{guide.height} pixels, and the frames have {clip.width}x{clip.height}"
-    if guide.width > clip.width or guide.height > clip.height:
-        raise InputError(f"{sizes}; make the guide as large as them at most.")
-    # sizes are rounded to whole pixels, and those of videos to even ones
-    if abs(guide.width * clip.height - guide.height * clip.width) > max(clip.width, clip.height):
-        raise InputError(f"{sizes}, another shape; crop or render the guide like the frames.")
+def guides_of(images: Iterable[Image], clip: ClipInfo) -> PlacedGuides:
+    """Return images as the guides of output frames in order; raise `InputError` if they have no size for a guide."""
+    source = ArraySource(images, Fraction(1), "`guide`")
+    _check_size(source, clip)
+    return PlacedGuides(source)
+
+
+@contextmanager
+def guides_of_stream(
+    guide: PathName | Iterable[Image], clip: DescribedSource, schedule: Schedule, method: Interpolator
+) -> Iterator[OwnGuides | PlacedGuides]:
+    """Open the guide of a source that is streamed while the block lasts, or take images; see `opened_guides`."""
+    path = os.fspath(guide) if isinstance(guide, str | os.PathLike) else ""
+    check_together(method.names_given() | {"guide", f"guide={path!r}"})
+    if not isinstance(guide, str | os.PathLike):
+        yield guides_of(guide, clip.info)
+        return
+    images = clip.stream_info.images
+    numbers = (0, 1) if images is None else images.output_numbers(schedule.rate(clip.info.rate) / clip.info.rate)
+    needs = TargetRequirements(linear=method.takes_layers)
+    decoding = DecodeOptions(guide=path, input_fps=clip.info.rate)
+    with opened_guides(decoding, GuidedClip(clip, clip.stream_info, schedule, needs, None, numbers)) as guides:
+        yield guides
+
+
+def _check_size(guide: FrameSource, clip: ClipInfo) -> None:
+    """Raise `InputError` if the pictures of a guide have another shape than a clip, or are larger."""
+    size = guide.info.height, guide.info.width
+    check_guide_size(guide.info.name, size, (clip.height, clip.width))
 
 
 def _check_overlap(path: str, guides: PlacedGuides, clip: GuidedClip) -> None:

@@ -55,3 +55,15 @@ def check_pair(
             f"Two frames of one clip must be alike, but one is {view(image0).describe()} and the other "
             f"{view(image1).describe()}; make them one size and type first."
         )
+
+
+def check_guide_size(name: str, size: tuple[int, ...], of_frames: tuple[int, ...]) -> None:
+    """Raise `InputError` if a guide has another shape than the frames, or is larger; sizes are (height, width)."""
+    height, width = size
+    most_height, most_width = of_frames
+    sizes = f"{name} has {width}x{height} pixels, and the frames have {most_width}x{most_height}"
+    if width > most_width or height > most_height:
+        raise InputError(f"{sizes}; make the guide as large as them at most.")
+    # sizes are rounded to whole pixels, and those of videos to even ones
+    if abs(width * most_height - height * most_width) > max(of_frames):
+        raise InputError(f"{sizes}, another shape; crop or render the guide like the frames.")

@@ -18,7 +18,7 @@ from fpsboost.finishing import finish, measure_uncertainty, replace_unsure
 from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
-from fpsboost.image_checks import check_pair, check_values
+from fpsboost.image_checks import check_guide_size, check_pair, check_values
 from fpsboost.motion import MotionEstimator, TakesPlanes
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
@@ -26,6 +26,7 @@ from fpsboost.pair import Pair
 from fpsboost.synthesis import FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.generation import generate
+from fpsboost.synthesis.guided import Guide, follow_guide
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 
@@ -182,7 +183,14 @@ class Interpolator(Checked):
 
     @checked
     def interpolate(
-        self, image0: Image, image1: Image, times: Sequence[float | Fraction], *, cuts: CutPolicy | None = None
+        self,
+        image0: Image,
+        image1: Image,
+        times: Sequence[float | Fraction],
+        *,
+        cuts: CutPolicy | None = None,
+        guides: Sequence[Image] | None = None,
+        key_guides: tuple[Image, Image] | None = None,
     ) -> list[Image]:
         """Make one image for every time.
 
@@ -198,6 +206,10 @@ class Interpolator(Checked):
         cuts : CutPolicy, optional
             Decides whether a scene ends between the two, as a `CutDetector` does, instead of this interpolator's own
             policy, which is for sequences. Across a cut, `at_cuts` applies.
+        guides : sequence of (h, w, C) uint8, uint16 or float32, optional
+            A cheap picture of each image to be made, which shows where everything is.
+        key_guides : tuple of two (h, w, C), optional
+            The same of the two frames, by which guides are calibrated.
 
         Returns
         -------
@@ -222,7 +234,10 @@ class Interpolator(Checked):
         check_values(image1, "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
-        arrays = [view(image).array() for image, _ in interpolator.images(pair, times)]
+        made = interpolator.images(pair, times)
+        if guides is not None:
+            made = _guided(made, pair, times, guides, key_guides or (None, None))
+        arrays = [view(image).array() for image, _ in made]
         if any(0 < t < 1 for t in times) and pair.is_cut:
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=3)
         return arrays
@@ -356,3 +371,18 @@ class Interpolator(Checked):
         """Return an interpolator that does the same as far as that needs no rendered motion."""
         bare = {name: part.without_vectors() for name, part in self._parts.items() if isinstance(part, UsesVectors)}
         return replace(self, **bare)
+
+
+def _guided(
+    images: Iterator[InterpolatedImage],
+    pair: Pair,
+    times: Sequence[float | Fraction],
+    guides: Sequence[Image],
+    key_guides: tuple[Image | None, Image | None],
+) -> Iterator[InterpolatedImage]:
+    """Let images follow their guides; raise `InputError` if these have no size for guides."""
+    for made, t, picture in zip(images, times, guides, strict=True):
+        check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
+        guide = Guide.of(picture, *key_guides)
+        guided = follow_guide(pair.image0, pair.image1, made, guide, float(t)) if 0 < t < 1 else made
+        yield InterpolatedImage(guided.image, guided.confidence)

@@ -203,6 +203,8 @@ def interpolate(
     *,
     method: str | Interpolator = "nlm",
     cuts: CutPolicy | None = None,
+    guide: Image | None = None,
+    key_guides: tuple[Image, Image] | None = None,
 ) -> Image:
     """Make the image at time t between two images; scene cuts are respected only if `cuts` is given.
 
@@ -217,6 +219,10 @@ def interpolate(
     cuts : CutPolicy, optional
         Decides whether a scene ends between the two: ``cuts=fpsboost.CutDetector()``. Across a cut, the method's
         ``at_cuts`` applies; most methods repeat the nearer image.
+    guide : (h, w, C) uint8, uint16 or float32, optional
+        Cheap picture of the image to be made, such as a small or noisy one: it shows where everything is.
+    key_guides : tuple of two (h, w, C), optional
+        The same of the two images, by which the guide is calibrated.
 
     Returns
     -------
@@ -241,8 +247,13 @@ def interpolate(
     >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     >>> interpolate(frame, np.roll(frame, 4, axis=1), 0.5, method="blend").shape
     (48, 64, 3)
+    >>> small = np.roll(frame, 2, axis=1)[::2, ::2]
+    >>> interpolate(frame, np.roll(frame, 4, axis=1), 0.5, guide=small).shape
+    (48, 64, 3)
     """
-    (image,) = find_method(method).interpolate(*_with_channels(frame0, frame1), [t], cuts=cuts)
+    guides = None if guide is None else [guide]
+    images = _with_channels(frame0, frame1)
+    (image,) = find_method(method).interpolate(*images, [t], cuts=cuts, guides=guides, key_guides=key_guides)
     return image.reshape(frame0.shape)
 
 

@@ -12,7 +12,17 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost import DecodeOptions, InputError, OptionError, convert, join
+from fpsboost import (
+    DecodeOptions,
+    InputError,
+    OptionError,
+    convert,
+    interpolate,
+    interpolate_clip,
+    join,
+    methods,
+    stream,
+)
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.run_options import Part
 from fpsboost.synthesis.guided import GuidedImage
@@ -37,7 +47,8 @@ def shown_guides(monkeypatch: pytest.MonkeyPatch) -> None:
         image[:] = [level_of(each) for each in guide]
         return GuidedImage(image, made.confidence, SimpleNamespace(_asdict=lambda: {"t": t}))
 
-    monkeypatch.setattr("fpsboost.streaming.follow_guide", follow)
+    for user in ("streaming", "interpolator"):
+        monkeypatch.setattr(f"fpsboost.{user}.follow_guide", follow)
     monkeypatch.setattr("fpsboost.guides.describe_findings", lambda means: f"t {means['t']:g}")
 
 
@@ -283,3 +294,49 @@ def test_a_guide_that_ends_before_the_clip_is_refused(tmp_path):
     cheap = save(tmp_path / "g", {2: 2})
     with pytest.raises(OptionError, match=r"`guide_offset` is for guides by time, and .*g goes by numbers; leave it"):
         convert(images, tmp_path / "out", guide=cheap, guide_offset=1)
+
+
+FRAMES = [np.full((*SIZE, 3), level, np.uint8) for level in (20, 40, 60)]
+CHEAP = [np.full((24, 32, 3), 100 + number, np.uint8) for number in range(6)]
+FOLLOWED = [(101, 100, 102), (103, 102, 104)]
+
+
+@pytest.mark.parametrize("guide", [CHEAP, iter(CHEAP), np.stack(CHEAP)], ids=["list", "iterator", "array"])
+def test_streams_have_a_guide_for_every_frame(guide):
+    """In order, those of the frames that are not made too."""
+    made = [tuple(map(int, frame[0, 0])) for frame in stream(FRAMES, duplicates="keep", guide=guide)]
+    assert made[1::2] == [*FOLLOWED, (60, 60, 60)]
+    assert made[::2] == [(20, 20, 20), (40, 40, 40), (60, 60, 60)]
+
+
+def test_streams_of_files_have_guides_of_files(tmp_path):
+    """By the rules of conversions, and with their refusals."""
+    clip = save(tmp_path / "r", {1: 20, 3: 40, 5: 60})
+    guide = save(tmp_path / "g", dict(zip(range(1, 7), range(100, 106), strict=True)))
+    made = [tuple(map(int, frame[0, 0])) for frame in stream(clip, duplicates="keep", guide=guide)]
+    assert made[1:4:2] == FOLLOWED
+    with pytest.raises(OptionError, match="`guide='own'` needs `replace`"):
+        list(stream(clip, guide="own"))
+
+
+def test_whole_clips_have_a_guide_for_every_frame():
+    """In the order of colours and the layout of the clip."""
+    frames, cheap = (np.stack(images)[..., ::-1] for images in (FRAMES, CHEAP))
+    made, _ = interpolate_clip(frames, fps=24, duplicates="keep", guides=cheap)
+    assert [tuple(map(int, frame[0, 0, ::-1])) for frame in made[1:4:2]] == FOLLOWED
+    with pytest.raises(OptionError, match="`guide` and `loop` cannot be combined"):
+        interpolate_clip(frames, fps=24, loop=True, guides=cheap)
+    with pytest.raises(InputError, match="`guide` has 32x32 pixels, and the frames have 64x48, another shape"):
+        interpolate_clip(frames, fps=24, guides=np.zeros((6, 32, 32, 3), np.uint8))
+
+
+def test_two_images_have_a_guide_of_the_one_between():
+    """And perhaps guides of their own."""
+    made = interpolate(FRAMES[0], FRAMES[1], guide=CHEAP[1])
+    assert made[0, 0].tolist() == [101, NONE, NONE]
+    made = interpolate(FRAMES[0], FRAMES[1], guide=CHEAP[1], key_guides=(CHEAP[0], CHEAP[2]))
+    assert made[0, 0].tolist() == list(FOLLOWED[0])
+    several = methods["nlm"].interpolate(FRAMES[0], FRAMES[1], [0, 0.5], guides=CHEAP[:2])
+    assert [image[0, 0, 0] for image in several] == [20, 101]
+    with pytest.raises(InputError, match="A guide has 64x48 pixels, and the frames have 32x24; make the guide as"):
+        interpolate(CHEAP[0], CHEAP[1], guide=FRAMES[0])
