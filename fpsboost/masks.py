@@ -43,8 +43,6 @@ class Mask:
         An image, or a folder or pattern of images (``mask_####.png``), the first of which is for the first frame of
         the clip, whatever their numbers. They have the size of the frames as they are displayed: a video that is
         turned by its tag takes masks that are upright.
-    matrix : tuple of int, optional
-        Display matrix of the frames, if they are not upright. A conversion gives it.
     mask_as : {'keep', 'layer'}
         Keep white areas as in the nearest frame, or interpolate them as a layer, apart from the picture behind them.
 
@@ -68,8 +66,11 @@ class Mask:
     False
     """
 
+    _from_upright: tuple[int, ...] | None = None  # inverse of the display matrix of the clip that it is fitted to
+    _weights: np.ndarray | None = None  # of all frames of that clip, if all have the same
+
     @checked
-    def __init__(self, mask: PathName, matrix: tuple[int, ...] | None = None, *, mask_as: MaskAs = "keep") -> None:
+    def __init__(self, mask: PathName, *, mask_as: MaskAs = "keep") -> None:
         self.parts = () if mask_as == "keep" else (self.background, self.layer)
         self._name = str(Path(mask).absolute())  # a job may be taken to another process
         self.counts_frames = stands_for_images(self._name)
@@ -77,8 +78,6 @@ class Mask:
             images = find_images(self._name) if self.counts_frames else NumberedImages([Path(self._name)])
         images.check_complete(images.step, "add it, because every frame has a mask of its own")
         self.files = [file.absolute() for file in images.files]
-        self._from_upright = matrix and (matrix[0], matrix[3], 0, matrix[1], matrix[4])  # the inverse
-        self._weights: np.ndarray | None = None  # of all frames of the clip that it is fitted to, if all have the same
 
     def __str__(self) -> str:
         """Return what it does, without the path, by which the parts of a conversion tell whether they do the same."""
@@ -91,7 +90,8 @@ class Mask:
                 f"The number of masks in {self._name}, {len(self.files)}, is not that of the frames of {info.name}, "
                 f"{len(times)}; give `mask` one image for each, or one for all."
             )
-        fitted = type(self)(self._name, matrix, mask_as="layer" if self.parts else "keep")
+        fitted = type(self)(self._name, mask_as="layer" if self.parts else "keep")
+        fitted._from_upright = matrix and (matrix[0], matrix[3], 0, matrix[1], matrix[4])
         weights = fitted._read(np.empty((info.height, info.width)), 0)
         fitted._weights = None if self.counts_frames else weights
         return fitted
