@@ -42,6 +42,9 @@ from fpsboost.timing.schedule import Schedule
 TOLERANCE = Fraction(1, 4)
 """Farthest that a guide lies from its frame in time, as a part of the interval between output frames."""
 
+MOST_LISTED = 12
+"""Number of ranges of frames that a remark lists."""
+
 PASS = re.compile(r"(?<![a-z])(normals?|albedo|depth)(?![a-z])")
 """Words in the names of passes that are no pictures."""
 
@@ -85,7 +88,8 @@ class GuidedClip:
         """Add the remark that some output frames, of so many that are made, have no guide, if there are some."""
         if missing and guide != OWN:
             first, step = self.numbers if self.goes_by_number(guide) else (0, 1)
-            numbers = as_ranges(first + step * number for number in missing)
+            ranges = as_ranges(first + step * number for number in missing).split(", ")
+            numbers = ", ".join(ranges[:MOST_LISTED]) + ", ..." * (len(ranges) > MOST_LISTED)
             remarks.add("guide-missing", name=guide, missing=len(missing), frames=made, numbers=numbers)
 
     def remarks(self, guide: str, summary: Summary) -> Remarks:

@@ -13,6 +13,7 @@ from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
+from fpsboost.guides import coverage
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
@@ -23,8 +24,10 @@ from fpsboost.media import Look, OutputTiming, StreamFacts, look_of, try_out
 from fpsboost.method_table import methods
 from fpsboost.options import AnyDuplicates
 from fpsboost.pair import Pair, with_neighbours
+from fpsboost.preparation import ConversionJob, prepared
 from fpsboost.remarks import Remarks
 from fpsboost.repair import find_damaged
+from fpsboost.run_options import RunOptions
 from fpsboost.timeline import positions_of
 from fpsboost.timing.options import Timing
 from fpsboost.timing.schedule import count_frames
@@ -248,3 +251,9 @@ def probe(
                 losses.expected,
             ),
         )
+
+
+def probe_guide(path: str, decoding: DecodeOptions) -> tuple[str, Remarks]:
+    """Return what a conversion with the default options would find in a guide; see `fpsboost.guides.coverage`."""
+    with prepared(ConversionJob(path, None, Timing(), methods["nlm"], decoding), RunOptions()) as ready:
+        return coverage(decoding, ready.guided)

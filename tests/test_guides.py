@@ -3,6 +3,9 @@
 The synthesis is replaced by one that shows the levels of the guides that it gets.
 """
 
+import json
+import re
+import shutil
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +19,7 @@ from fpsboost import (
     DecodeOptions,
     InputError,
     OptionError,
+    Trim,
     convert,
     interpolate,
     interpolate_clip,
@@ -23,9 +27,12 @@ from fpsboost import (
     methods,
     stream,
 )
+from fpsboost.evaluation.compared_methods import ComparedInterpolator
+from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.run_options import Part
 from fpsboost.synthesis.guided import GuidedImage
+from support.command_line import assert_refused
 from support.exr_truth import write_exr
 from support.video_truth import write_clip
 
@@ -47,7 +54,7 @@ def shown_guides(monkeypatch: pytest.MonkeyPatch) -> None:
         image[:] = [level_of(each) for each in guide]
         return GuidedImage(image, made.confidence, SimpleNamespace(_asdict=lambda: {"t": t}))
 
-    for user in ("streaming", "interpolator"):
+    for user in ("streaming", "interpolator", "evaluation.compared_methods"):
         monkeypatch.setattr(f"fpsboost.{user}.follow_guide", follow)
     monkeypatch.setattr("fpsboost.guides.describe_findings", lambda means: f"t {means['t']:g}")
 
@@ -340,3 +347,68 @@ def test_two_images_have_a_guide_of_the_one_between():
     assert [image[0, 0, 0] for image in several] == [20, 101]
     with pytest.raises(InputError, match="A guide has 64x48 pixels, and the frames have 32x24; make the guide as"):
         interpolate(CHEAP[0], CHEAP[1], guide=FRAMES[0])
+
+
+def test_it_is_known_beforehand_which_frames_have_a_guide(tmp_path, fpsboost_):
+    """By numbers, and by the times of frames: what a dry run and a probe tell is what a conversion finds."""
+    images = save(tmp_path / "r", RENDERED)
+    guide = save(tmp_path / "g", {2: 2, 4: 4, 6: 6})
+    clip = str(flat_clip(tmp_path / "in.mkv", list(range(20, 100, 2))))
+    proxy = str(flat_clip(tmp_path / "proxy.mkv", list(range(10, 40)), time_base=Fraction(1, 50)))
+    for input, cheap, options in ((images, guide, []), (clip, proxy, ["--guide-offset=0.1"])):
+        out = tmp_path / "out"
+        tried = fpsboost_(input, f"{out}/", "--guide", cheap, *options, "--dry-run")
+        probed = fpsboost_("probe", input, "--guide", cheap, *options, "--json")
+        summary = convert(input, out, guide=cheap, guide_offset=float(bool(options)) / 10, duplicates="keep")
+        without = len(summary.guides_missing)
+        found = f"{summary.guided_frames} of the {summary.guided_frames + without} frames to be made"
+        assert re.search(f"^guide +{found}", tried.out, re.MULTILINE)
+        data = json.loads(probed.out)
+        assert data["guide"] == found
+        (told,) = [each for each in data["remarks"] if each["kind"] == "guide-missing"]
+        assert told["values"] == dict(remark(summary, "guide-missing").values)
+        shutil.rmtree(out)
+
+
+def test_long_lists_of_frames_are_shortened(tmp_path):
+    """A remark names a dozen ranges at most."""
+    clip = save(tmp_path / "r", {n: n for n in range(1, 41)})
+    summary = convert(clip, tmp_path / "out", guide=save(tmp_path / "g", {2: 2}), duplicates="keep")
+    numbers = remark(summary, "guide-missing").values["numbers"]
+    assert numbers == ", ".join(map(str, range(4, 28, 2))) + ", ..."
+
+
+def hidden_levels(path: str, **options: Any) -> list[tuple[int, ...]]:
+    """Return what a comparison shows of the guides of hidden frames."""
+    compared = ComparedInterpolator(methods["nearest"], follows_guides=True)
+    decoding = DecodeOptions(Trim(options.pop("start", None)), **options)
+    hold_out = HoldOut(decoding=decoding, duplicates="keep")
+    return [tuple(map(int, frame.image[0, 0])) for frame in compared.interpolate(hold_out.intervals(path))]
+
+
+def test_hidden_frames_have_their_guides_by_number(tmp_path):
+    """Those of the clip's own images, as do the frames that are shown; where there is none, the frame is as without."""
+    clip = save(tmp_path / "r", {n: 10 + n for n in range(3, 16, 2)})
+    guide = save(tmp_path / "g", {n: 100 + n for n in range(3, 16, 2) if n != 9})
+    assert hidden_levels(clip, guide=guide) == [(105, 103, 107), (17, 17, 17), (113, 111, 115)]
+    assert hidden_levels(clip, guide=guide, start="2f") == [(17, 17, 17), (113, 111, 115)]
+
+
+def test_hidden_frames_have_their_guides_by_time(tmp_path):
+    """From a passage on, too."""
+    clip = str(flat_clip(tmp_path / "in.mkv", [20, 40, 60, 80, 100]))
+    proxy = str(flat_clip(tmp_path / "proxy.mkv", [110, 120, 130, 140, 150, 160], times=range(-1, 5)))
+    made = hidden_levels(clip, guide=proxy, guide_offset=0.04)
+    assert made == [pytest.approx((130, 120, 140), abs=1), pytest.approx((150, 140, 160), abs=1)]
+    assert hidden_levels(clip, guide=proxy, guide_offset=0.04, start="2f") == [pytest.approx((150, 140, 160), abs=1)]
+
+
+def test_a_comparison_has_the_first_method_with_and_without_guide(tmp_path, fpsboost_):
+    """Side by side, with the command that does the same; its JSON has both."""
+    clip = save(tmp_path / "r", {n: 10 * n for n in range(1, 8)})
+    guide = save(tmp_path / "g", {n: 10 * n for n in range(1, 8)}, (24, 32))
+    data = tmp_path / "out.json"
+    fpsboost_("compare", clip, "--guide", guide, "-m", "nearest,blend", "--duplicates", "keep", "--json", data)
+    methods = json.loads(data.read_text())["methods"]
+    assert [each["name"] for each in methods] == ["nearest", "nearest+guide", "blend"]
+    assert_refused(fpsboost_("compare", clip, "--guide", "own"), 2, "--guide own needs --replace")

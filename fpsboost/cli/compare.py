@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from statistics import fmean
@@ -88,10 +89,10 @@ def compare(
         frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates
     )
     others = name_others(method_options.frames_of, method_options.peer)
-    check_several(inputs, method_options)
+    check_several(inputs, method_options, decoding)
     rendered = {clip: method_options.rendered.of_clip(clip) for clip in inputs}
     folders = {clip: each.folder and match_vectors(clip, each.folder) for clip, each in rendered.items()}
-    chosen = {clip: choose(method_options.methods, folder, at_cuts) for clip, folder in folders.items()}
+    chosen = {clip: choose(method_options.methods, folder, at_cuts, decoding.guide) for clip, folder in folders.items()}
     ours, skipped = chosen[input]
     if results.fail_under is not None:
         if not math.isfinite(results.fail_under):
@@ -176,10 +177,12 @@ def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOp
         console.print(f"Page: {literal(str(page))}", soft_wrap=True)
 
 
-def check_several(inputs: Sequence[str], method_options: ComparedMethodOptions) -> None:
+def check_several(inputs: Sequence[str], method_options: ComparedMethodOptions, decoding: DecodeOptions) -> None:
     """Raise `OptionError` if there are several clips and an option is about one, or one is named twice."""
     if len(inputs) == 1:
+        check_together({f"guide={decoding.guide!r}"})
         return
+    check_together(decoding.names_given() | {"several inputs"})
     rendered = filter(None, (method_options.rendered.vectors, method_options.rendered.depth))
     check_together({"several inputs", "frames_of" if method_options.frames_of else "methods"})
     if any("{in}" not in path for path in rendered):
@@ -300,9 +303,14 @@ def split_methods(texts: Sequence[str]) -> list[str]:
 
 
 def choose(
-    texts: Sequence[str], vectors: fpsboost.VectorFolder | None, cuts: CutOptions = CutOptions()
+    texts: Sequence[str],
+    vectors: fpsboost.VectorFolder | None,
+    cuts: CutOptions = CutOptions(),
+    guide: object = None,
 ) -> tuple[dict[str, evaluation.ComparedMethod], dict[str, str]]:
     """Return the methods of ``--methods`` by name, and the reasons why others are skipped.
+
+    With a guide, the first method of this package comes once more, following guides: ``nlm+guide``.
 
     Raises `OptionError` for an unknown method or option.
     """
@@ -328,7 +336,10 @@ def choose(
             else:
                 takes_vectors = name in vector_methods or may_use_vectors(fpsboost.methods[name])
                 method_of_text = fpsboost.find_method(text, vectors if takes_vectors else None)
-                compared_methods[text] = evaluation.ComparedInterpolator(cuts.applied_to(method_of_text))
+                ours = evaluation.ComparedInterpolator(cuts.applied_to(method_of_text))
+                compared_methods[text] = ours
+                if guide is not None and not any("+guide" in each for each in compared_methods):
+                    compared_methods[text.replace(name, f"{name}+guide", 1)] = replace(ours, follows_guides=True)
     return compared_methods, skipped
 
 

@@ -12,7 +12,9 @@ from rich.table import Column, Table
 
 from fpsboost.cli.flags import OWN_OPTIONS, Input, in_flags
 from fpsboost.cli.messages import as_objects, fact_table, literal, sentence
+from fpsboost.cli.options import PathName
 from fpsboost.errors import rounded
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.position import as_ranges
 from fpsboost.timing.schedule import parse_rate
 
@@ -32,6 +34,8 @@ def probe(
     input_fps: Annotated[str | None, Parameter(group=OWN_OPTIONS, metavar="RATE")] = None,
     stream: Annotated[int | None, Parameter(group=OWN_OPTIONS, metavar="N")] = None,
     allow_playlists: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False,
+    guide: Annotated[PathName | None, Parameter(group=OWN_OPTIONS, metavar="PATH")] = None,
+    guide_offset: Annotated[str, Parameter(group=OWN_OPTIONS, metavar="S")] = "0",
     json: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False,
 ) -> None:
     """Print the properties of a clip, and what a conversion keeps.
@@ -46,17 +50,26 @@ def probe(
         Number of the video stream in its file; else the largest.
     allow_playlists
         Read playlists and the files that they name.
+    guide
+        Cheap clip of the frames to be made: are all there?
+    guide_offset
+        Start of the input in the guide, seconds.
     json
         Plain JSON on standard output.
     """
     from fpsboost.probing import probe as run  # noqa: PLC0415
+    from fpsboost.probing import probe_guide  # noqa: PLC0415
 
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):
         result = run(input, rate, stream, allow_playlists=allow_playlists)
+        decoding = DecodeOptions(input_fps=rate, stream=stream, guide=guide, guide_offset=guide_offset)
+        guided, missing = ("", ()) if guide is None else probe_guide(input, decoding)
+    result.remarks.take(missing)
     if json:
         refused = result.conversion.refused
         values = asdict(result)
+        values["guide"] = guided or None
         values["remarks"] = as_objects(result.remarks)
         values["conversion"]["remarks"] = as_objects(result.conversion.remarks)
         values["conversion"]["refused"] = refused and in_flags(refused)
@@ -67,7 +80,8 @@ def probe(
     console.print(f"[bold]{literal(result.name)}[/]")
     if result.streams:
         console.print(stream_table(result.streams))
-    console.print(fact_table({name: sentence(value) for name, value in facts(result).items()}))
+    lines = facts(result) | ({"guide": guided} if guided else {})
+    console.print(fact_table({name: sentence(value) for name, value in lines.items()}))
     for remark in [*result.remarks, *result.conversion.remarks]:
         console.print(f"[yellow]Note:[/] {sentence(remark)}")
 

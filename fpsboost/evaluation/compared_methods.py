@@ -22,9 +22,12 @@ from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
+from fpsboost.layered import FrameImage
 from fpsboost.media import graph_of, pulled
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair, items_with_neighbours
+from fpsboost.synthesis import InterpolatedImage
+from fpsboost.synthesis.guided import Guide, follow_guide
 
 MINTERPOLATE = "minterpolate"
 """Name of FFmpeg's filter among the methods."""
@@ -74,6 +77,8 @@ class ComparedInterpolator:
 
     interpolator: Interpolator
     """The method, with its cut policy and other settings."""
+    follows_guides: bool = False
+    """Whether frames follow their guides, if they have some."""
     any_time: ClassVar[bool] = True
 
     def interpolate(
@@ -83,19 +88,25 @@ class ComparedInterpolator:
         for interval, pair in items_with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
-                yield from self._timed(pair, chosen)
+                yield from self._timed(pair, chosen, interval.key_guides if self.follows_guides else None)
             pair.release_caches()
 
-    def _timed(self, pair: Pair, chosen: Sequence[HeldOutFrame]) -> Iterator[InterpolatedFrame]:
+    def _timed(
+        self, pair: Pair, chosen: Sequence[HeldOutFrame], key_guides: tuple[FrameImage | None, FrameImage | None] | None
+    ) -> Iterator[InterpolatedFrame]:
         """Yield the chosen frames of an interval with the time that each took."""
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen])
         for hidden in chosen:
             begin = time.perf_counter()
             begin_cpu = time.process_time()
-            image = view(next(images).image).array()
+            image = next(images)
+            if key_guides is not None and hidden.guide is not None:
+                guide = Guide.of(hidden.guide, *key_guides)
+                guided = follow_guide(pair.image0, pair.image1, image, guide, float(hidden.t))
+                image = InterpolatedImage(guided.image)
             seconds = time.perf_counter() - begin
             cpu = time.process_time() - begin_cpu
-            yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
+            yield InterpolatedFrame(hidden.number, view(image.image).array(), seconds, cpu, pair.search_radius)
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
         """Yield the intervals with pairs of their shown frames, each of which two pairs share."""
@@ -106,7 +117,8 @@ class ComparedInterpolator:
             last = image
 
     def describe(self) -> str:
-        return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}"
+        guides = ", following guides" if self.follows_guides else ""
+        return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}{guides}"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ they are grouped with the first of their kind, and stills do not count.
 
 import re
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
@@ -19,13 +20,15 @@ from fpsboost.derived_sources import trim_source
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.guides import GuidedClip, opened_guides
 from fpsboost.image import Image
+from fpsboost.io import DescribedSource
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.options import Checked, Duplicates, PositiveInt, words_of_options
-from fpsboost.timeline import positions_of
-from fpsboost.timing.schedule import ByRate, rising_time
+from fpsboost.timeline import FramePlace, Guides, positions_of
+from fpsboost.timing.schedule import ByFactor, ByRate, rising_time
 
 WHOLE = "0:"
 """Range of the whole clip."""
@@ -41,6 +44,8 @@ class HeldOutFrame(NamedTuple):
     """The frame itself, (H, W, C)."""
     source_position: SourcePosition
     """Position in the clip."""
+    guide: FrameImage | None = None
+    """Cheap picture of it, which methods may see."""
 
 
 class Interval(NamedTuple):
@@ -60,6 +65,8 @@ class Interval(NamedTuple):
     """Numbers of frames, from the first shown one to the second, that repeat the one before."""
     is_known: bool
     """Whether the pictures at the times of the hidden frames are known; see `HoldOut`."""
+    key_guides: tuple[FrameImage | None, FrameImage | None] = (None, None)
+    """Cheap pictures of the shown frames."""
 
     def prepared(self, *, with_layers: bool = False) -> tuple[FrameCache, FrameCache]:
         """Return the shown frames, as arrays or with layers, at their positions in the clip, with empty caches."""
@@ -175,7 +182,10 @@ class HoldOut(Checked):
         needs_rate = self.decoding.trim.needs_rate
         requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=needs_rate, linear=True)
         count = repeats = 0
-        with open_source(path, requirements=requirements, decoding=self.decoding) as whole:
+        with (
+            open_source(path, requirements=requirements, decoding=self.decoding) as whole,
+            self._opened_guides(whole, requirements) as guides,
+        ):
             info = whole.info
             clock = ByRate.forgiving(2 * info.rate, info.rate, info.time_base)  # as in a conversion to twice the rate
             source, _ = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
@@ -185,7 +195,8 @@ class HoldOut(Checked):
                 repeats += len(truth.repeats)
                 if len(row) == self.skip + 2:
                     count += 1
-                    yield _interval(row, clock)
+                    interval = _interval(row, clock)
+                    yield interval if guides is None else _with_guides(interval, guides, 1 / info.rate)
                     row = row[-1:]
         if not count:
             beside = f" beside the {repeats} that repeat another (`duplicates='keep'` takes them too)"
@@ -193,6 +204,18 @@ class HoldOut(Checked):
                 f"{path} has too few frames to hide {'one' if self.skip == 1 else self.skip} between two others; "
                 f"{self.skip + 2} are needed in the range{beside if repeats else ''}."
             )
+
+    def _opened_guides(
+        self, clip: DescribedSource, requirements: TargetRequirements
+    ) -> AbstractContextManager[Guides | None]:
+        """Open the guides of a clip's frames, which have the numbers or the times of these; None without."""
+        if self.decoding.guide is None:
+            return nullcontext()
+        images = clip.stream_info.images
+        numbers = (0, 1) if images is None else (images.first_number, images.step)
+        frames = clip.info.frame_count
+        whole = GuidedClip(clip, clip.stream_info, ByFactor(Fraction(1)), requirements, frames, numbers)
+        return opened_guides(self.decoding, whole)
 
     def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
         """Yield the frames of the range, at the times that a conversion gives them."""
@@ -258,6 +281,17 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         tuple(sorted(repeats)),
         is_known,
     )
+
+
+def _with_guides(interval: Interval, guides: Guides, duration: Fraction) -> Interval:
+    """Return an interval with the guides of its frames, which last so many seconds each; must be called in order."""
+
+    def guide(position: SourcePosition) -> FrameImage | None:
+        return guides.picture(FramePlace(Fraction(position.number), position.seconds, duration, None))
+
+    first = guide(interval.begin)
+    hidden = tuple(each._replace(guide=guide(each.source_position)) for each in interval.hidden)
+    return interval._replace(hidden=hidden, key_guides=(first, guide(interval.end)))
 
 
 class Sample(NamedTuple):
