@@ -68,8 +68,7 @@ def probe(
     result.remarks.take(missing)
     if json:
         refused = result.conversion.refused
-        values = asdict(result)
-        values["guide"] = guided or None
+        values = asdict(result) | ({"guide": guided} if guided else {})
         values["remarks"] = as_objects(result.remarks)
         values["conversion"]["remarks"] = as_objects(result.conversion.remarks)
         values["conversion"]["refused"] = refused and in_flags(refused)
