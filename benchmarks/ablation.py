@@ -41,7 +41,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.candidates import Votes, list_candidates
-from fpsboost.kernels.constants import LANES, WHITE
+from fpsboost.kernels.constants import WHITE
 from fpsboost.kernels.planes import level_scale
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
@@ -71,7 +71,7 @@ class WholePixels:
 
 def plain_planes(image: Image, padding: int, v: float) -> NDArray[np.uint8]:
     """Return padded 8-bit planes like `contrast_planes` of the package, from the report's colour components."""
-    values = padded_planes(colour_components(image), padding, 0, 2 * LANES, level_scale(v))
+    values = padded_planes(colour_components(image), padding, level_scale(v))
     return np.rint(values.clip(0, WHITE)).astype(np.uint8)
 
 

@@ -128,15 +128,16 @@ def _shrunk(size: tuple[int, int], image: Image) -> np.ndarray:
     return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
 
 
-def padded_planes(components: Components, padding: int, extra_left: int, extra_right: int, scale: float) -> np.ndarray:
+def padded_planes(components: Components, padding: int, scale: float, extra: int = 0) -> np.ndarray:
     """Return scaled planes with repeated edges for the search kernels.
 
-    They are (3, H + 2 padding, W + 2 padding + both extras) float32: the extra columns let the kernels read whole
-    vectors beyond the edges. `scale` is that of `fpsboost.kernels.planes.colour_scale`.
+    They are (3, H + 2 padding, W + 2 padding + 2 extra + 2 LANES) float32: the extra columns on both sides, and those
+    of two vectors on the right, let the kernels read whole vectors beyond the edges. `scale` is that of
+    `fpsboost.kernels.planes.colour_scale`.
     """
     height, width = components.shape[:2]
-    left = padding + extra_left
-    planes = aligned_empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)
+    left = padding + extra
+    planes = aligned_empty((3, height + 2 * padding, width + 2 * left + 2 * LANES), np.float32)
     scaled = components.transpose(2, 0, 1) * np.float32(scale)
     planes[:] = np.pad(scaled, ((0, 0), (padding, padding), (left, planes.shape[2] - left - width)), "edge")
     return planes

@@ -30,7 +30,7 @@ import numpy as np
 from fpsboost.colour import colour_components
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image_checks import check_pair
-from fpsboost.kernels.constants import LANES, MAX_PATCH_RADIUS
+from fpsboost.kernels.constants import MAX_PATCH_RADIUS
 from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy
@@ -213,26 +213,23 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
     regular = Dis("medium").estimate(image0, image1)
     detailed = CoarseToFine(max_motion_share=MAX_MOTION_SHARE, step=STEP).estimate(image0, image1)
     planes0, planes1 = (
-        padded_planes(image.cached(contrast_components), EDGE_PADDING, 0, 2 * LANES, colour_scale(BANDWIDTH))
+        padded_planes(image.cached(contrast_components), EDGE_PADDING, colour_scale(BANDWIDTH))
         for image in (image0, image1)
     )
-    size = image0.pixels.shape[:2]
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
-        compared = _compare(*planes, size, regular[there], NEIGHBOURHOOD_RADIUS)
+        compared = _compare(*planes, regular[there], NEIGHBOURHOOD_RADIUS)
         certain = regular[there].errors_at_points(STEP, regular[back]) <= CONSISTENCY_TOLERANCE
         certain &= compared.own >= MIN_SIMILARITY
         longest = _largest_neighbour_motion(np.where(certain, compared.shortest, 0))
-        gain = _compare(*planes, size, detailed[there], 0).own - compared.best
+        gain = _compare(*planes, detailed[there], 0).own - compared.best
         round_trips = detailed[there].errors_at_points(STEP, detailed[back])
         things = _largest_object_motion(detailed[there], round_trips, gain, compared.best < EXPLAINED_SIMILARITY)
         largest = max(largest, longest, things)
     return scale * largest
 
 
-def _compare(
-    planes0: np.ndarray, planes1: np.ndarray, size: tuple[int, ...], field: MotionField, around: int
-) -> ShortestMotion:
+def _compare(planes0: np.ndarray, planes1: np.ndarray, field: MotionField, around: int) -> ShortestMotion:
     """Compare the patch around each point with those that motion leads to; points are `STEP` apart.
 
     Besides a point's own motion, that of the points up to `around` points away is compared. Returns the similarity of
@@ -240,7 +237,7 @@ def _compare(
     """
     points, _ = field.at_points(STEP)
     found = ShortestMotion(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
-    pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
+    pair = PlanePair(planes0, planes1, EDGE_PADDING, *field.shape, UNIT)
     find_shortest(pair, STEP, PATCH_RADIUS, around, SIMILARITY_TOLERANCE, points, found)
     return found
 

@@ -70,8 +70,8 @@ def search_fused(
     is_box = window == "box"
     weights = np.array(window_taps(window, patch_radius), np.float32)
     scale = colour_scale(bandwidth)
-    planes0 = padded_planes(colours0, patch_radius, 0, 2 * LANES, scale)
-    planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
+    planes0 = padded_planes(colours0, patch_radius, scale)
+    planes1 = padded_planes(colours1, patch_radius, scale, LANES)
     score_type = np.int32 if is_box else np.float32
     shape = height, width + 2 * LANES
     found01, found10 = (BestOffsets(np.full(shape, -1, score_type), np.zeros(shape, np.int32)) for _ in range(2))

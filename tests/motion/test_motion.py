@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from fpsboost import CutDetector, FrameCache, MotionEstimator, OptionError, VectorFolder, find_method, methods
 from fpsboost.colour import colour_components
-from fpsboost.kernels.constants import LANES
 from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.motion.block import BlockMatching
@@ -301,7 +300,7 @@ def test_shortest_motions_equal_their_slow_twin(seed, around, step):
     components = [
         contrast_components(frozen(np.roll(image, shift, axis=1))) for image, shift in ((image0, 0), (image1, 3))
     ]
-    planes = [padded_planes(each, padding, 0, 2 * LANES, colour_scale(0.3)) for each in components]
+    planes = [padded_planes(each, padding, colour_scale(0.3)) for each in components]
     flow = random.integers(-6, 7, (-(-height // step), -(-width // step), 2)).astype(np.float32)
     flow[random.random(flow.shape[:2]) < 0.5] = (3, 0)
     results = [np.empty(flow.shape[:2], np.float32) for _ in range(3)]
