@@ -26,7 +26,7 @@ from fpsboost.io.images.exr import read_exr_header
 from fpsboost.io.images.files import extension_of
 from fpsboost.io.images.layers import contents_of
 from fpsboost.io.images.source import find_images
-from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
+from fpsboost.io.opening import PIPES, TargetRequirements, open_source, stands_for_images
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import OWN, DecodeOptions
@@ -204,6 +204,8 @@ def opened_guides(decoding: DecodeOptions, clip: GuidedClip) -> Iterator[OwnGuid
     if path == OWN:
         yield OwnGuides()
         return
+    if path in PIPES:
+        raise OptionError("`guide` is read beside the input, which a pipe does not allow; name a file or a folder.")
     by_number = clip.goes_by_number(path)
     numbers = find_images(path).numbers if stands_for_images(path) else []
     first, step = clip.numbers

@@ -267,6 +267,7 @@ def exr_of(layer: str, folder: Path) -> str:
         (lambda folder: save(folder / "g", {2: 9}, (24, 24)), "24x24 pixels, .* 64x48, another shape; crop or render"),
         (lambda folder: save(folder / "g", {2: 9}, (96, 128)), "has 128x96 pixels, .* 64x48; make the guide as large"),
         (lambda folder: str(folder / "r"), "is the input itself; name a cheap clip"),
+        (lambda folder: "-", "is read beside the input, which a pipe does not allow; name a file or a folder"),
         (lambda folder: str(folder / "nowhere"), "nowhere does not exist; check the name"),
         (lambda folder: save(folder / "g", {12: 9, 13: 9}), "has the numbers 12-13, and the output has 1 to 9; number"),
         (lambda folder: save(folder / "Depth", {2: 9}), "holds depth, and a guide is a picture of the frame; render"),

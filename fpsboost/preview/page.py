@@ -107,6 +107,10 @@ class Preview:
         ]
 
 
+OF_PASSAGES = ("replace-behind-end", "guide-missing", "guide-followed")
+"""Kinds of remarks that say nothing of the whole clip."""
+
+
 def preview(
     job: ConversionJob,
     methods: Mapping[str, Interpolator],
@@ -155,8 +159,8 @@ def preview(
                 output = Path(folder, f"{number}-{place}")
                 trial = _convert_passage(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
-                # frames of `replace` after the end of a passage are not necessarily after the end of the clip
-                remarks.take(each for each in trial.remarks if each.kind != "replace-behind-end")
+                # what is true of a passage, such as frames of `replace` after its end, need not be so of the clip
+                remarks.take(each for each in trial.remarks if each.kind not in OF_PASSAGES)
     return Preview(
         info,
         rate,
