@@ -383,6 +383,6 @@ def _guided(
     """Let images follow their guides; raise `InputError` if these have no size for guides."""
     for made, t, picture in zip(images, times, guides, strict=True):
         check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
-        guide = Guide.of(picture, *key_guides)
+        guide = Guide(picture, *key_guides)
         guided = follow_guide(pair.image0, pair.image1, made, guide, float(t)) if 0 < t < 1 else made
         yield InterpolatedImage(guided.image, guided.confidence)

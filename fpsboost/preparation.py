@@ -123,7 +123,7 @@ def open_whole(job: ConversionJob, run: RunOptions, target: Target) -> Described
     needs = target.requirements(
         job.encoding,
         needs_rate=timing.fps is not None or job.decoding.trim.needs_rate,
-        takes_planes=method.takes_planes and timing.shutter is None,
+        takes_planes=method.takes_planes and timing.shutter is None and job.decoding.guide is None,
         takes_layers=method.takes_layers and timing.shutter is None,
     )
     path = os.fspath(job.input)

@@ -216,7 +216,8 @@ class _Loop:
         image = next(images)
         findings = None
         if output.guide is not None:
-            guide = Guide.of(output.guide, *interval.key_guides)
+            is_damaged = any(output.guide is each.image for each in interval.group)  # which guides its own repair
+            guide = Guide(output.guide, *interval.key_guides, is_damaged)
             pair = interval.pair
             guided = follow_guide(pair.image0, pair.image1, image, guide, float(output.step.t))
             image = InterpolatedImage(guided.image, guided.confidence)

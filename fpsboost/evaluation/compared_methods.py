@@ -101,7 +101,7 @@ class ComparedInterpolator:
             begin_cpu = time.process_time()
             image = next(images)
             if key_guides is not None and hidden.guide is not None:
-                guide = Guide.of(hidden.guide, *key_guides)
+                guide = Guide(hidden.guide, *key_guides)
                 guided = follow_guide(pair.image0, pair.image1, image, guide, float(hidden.t))
                 image = InterpolatedImage(guided.image)
             seconds = time.perf_counter() - begin

@@ -1,0 +1,143 @@
+"""Guided synthesis against constructed truth: a moving texture whose in-between frame is known."""
+
+import cv2
+import numpy as np
+import pytest
+
+from fpsboost import FrameCache, find_method
+from fpsboost.layered import Layer, LayeredImage
+from fpsboost.synthesis import InterpolatedImage
+from fpsboost.synthesis.guided import Guide, describe_findings, follow_guide
+
+HEIGHT, WIDTH = 96, 160
+
+
+def texture() -> np.ndarray:
+    """Return a smooth random texture, twice as wide as a frame."""
+    noise = np.random.default_rng(5).random((HEIGHT, 2 * WIDTH, 3), np.float32)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 3)
+    return np.rint((smooth - smooth.min()) * (255 / np.ptp(smooth))).astype(np.uint8)
+
+
+def scene(shifts: tuple[int, int, int]) -> list[np.ndarray]:
+    """Return three frames: of a texture before which a square of another one jumps to any place in the middle."""
+    wide = texture()
+    square = texture()[20:52, 40:72, ::-1]
+    frames = []
+    for shift in shifts:
+        frame = wide[:, :WIDTH].copy()
+        frame[30:62, 20 + shift : 52 + shift] = square
+        frames.append(frame)
+    return frames
+
+
+def small(frame: np.ndarray, factor: int = 4) -> np.ndarray:
+    return cv2.resize(frame, (WIDTH // factor, HEIGHT // factor), interpolation=cv2.INTER_AREA)
+
+
+def decibels(truth: np.ndarray, made: np.ndarray) -> float:
+    difference = truth.astype(np.float64) - made
+    return float(10 * np.log10(np.iinfo(truth.dtype).max ** 2 / np.mean(difference**2)))
+
+
+def without_guide(first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    (made,) = find_method("nlm").interpolate(first, last, [0.5])
+    return made
+
+
+def guided(first: np.ndarray, last: np.ndarray, guide: Guide) -> np.ndarray:
+    made = InterpolatedImage(without_guide(first, last))
+    image = follow_guide(FrameCache(first), FrameCache(last), made, guide, 0.5).image
+    assert isinstance(image, np.ndarray)
+    return image
+
+
+@pytest.mark.parametrize("with_key_guides", [False, True])
+def test_small_guides_show_where_things_are(with_key_guides: bool) -> None:
+    """A guide of a quarter of the width puts an object that does not move evenly where it is."""
+    first, truth, last = scene((0, 60, 80))
+    of_keys = (small(first), small(last)) if with_key_guides else (None, None)
+    made = guided(first, last, Guide(small(truth), *of_keys))
+    assert decibels(truth, made) > 34
+    assert decibels(truth, without_guide(first, last)) < 28
+
+
+def test_noisy_guides_leave_no_noise() -> None:
+    """A guide with noise shows where things are, and its noise is not in the result."""
+    first, truth, last = scene((0, 60, 80))
+    noise = np.random.default_rng(1).normal(0, 20, truth.shape)
+    guide = (truth + noise).clip(0, 255).astype(np.uint8)
+    assert decibels(truth, guided(first, last, Guide(guide))) > 32
+    assert decibels(truth, guide) < 23
+
+
+def test_an_offset_is_found_by_the_guides_of_the_frames() -> None:
+    """Guides that lie beside the frames are put in place if those of both frames show it."""
+    first, truth, last = scene((0, 60, 80))
+    first_guide, guide, last_guide = (small(np.roll(each, 2, axis=1)) for each in (first, truth, last))
+    frames = FrameCache(first), FrameCache(last)
+    made = InterpolatedImage(without_guide(first, last))
+    found = follow_guide(*frames, made, Guide(guide, first_guide, last_guide), 0.5)
+    assert found.findings.offset_x == pytest.approx(2, abs=0.6)
+    assert decibels(truth, found.image) > 33
+    assert "offset (" in describe_findings(found.findings._asdict())
+
+
+def test_what_no_frame_shows_comes_from_the_guide() -> None:
+    """Something that is in neither frame is in the result as the guide shows it, unless the guide is damaged."""
+    first, truth, last = scene((0, 40, 80))
+    truth[70:90, 100:140] = (250, 20, 30)
+    guide = Guide(small(truth), small(first), small(last))
+    made = guided(first, last, guide)[72:88, 104:136].astype(int)
+    assert abs(made - truth[72:88, 104:136]).mean() < 12
+    made = guided(first, last, guide._replace(is_damaged=True))[72:88, 104:136].astype(int)
+    assert abs(made - truth[72:88, 104:136]).mean() > 50
+
+
+@pytest.mark.parametrize("kind", ["uint16", "gray", "alpha"])
+def test_kinds_of_frames_keep_type_and_channels(kind: str) -> None:
+    """Frames of 16 bits, gray ones and those with alpha come out as they are, with a guide of 8 bits in colour."""
+    first, truth, last = scene((0, 60, 80))
+    guide = Guide(small(truth))
+    change = {
+        "uint16": lambda frame: frame.astype(np.uint16) * 257,
+        "gray": lambda frame: cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., np.newaxis],
+        "alpha": lambda frame: np.dstack([frame, np.full(frame.shape[:2], 255, np.uint8)]),
+    }[kind]
+    first, truth, last = (change(each) for each in (first, truth, last))
+    if kind == "gray":
+        guide = Guide(np.repeat(small(truth)[..., np.newaxis], 3, axis=2))
+    made = guided(first, last, guide)
+    assert (made.shape, made.dtype) == (truth.shape, truth.dtype)
+    assert decibels(truth, made) > 33
+
+
+def test_sums_of_linear_layers_stay_sums() -> None:
+    """Linear layers have the weights of the picture, and object numbers are never mixed."""
+    frames = [each.astype(np.float32) / 255 for each in scene((0, 60, 80))]
+
+    def layered(colour: np.ndarray) -> LayeredImage:
+        parts = {"A.R": colour[..., 2] * np.float32(0.25), "B.R": colour[..., 2] * np.float32(0.75)}
+        numbers = {"Id.X": np.where(colour[..., 0] > 0.5, 7, 3).astype(np.float32)}
+        return LayeredImage(colour, (Layer("L", "linear", parts), Layer("Id", "nearest", numbers)))
+
+    first, truth, last = (layered(each) for each in frames)
+    made = InterpolatedImage(layered((frames[0] + frames[2]) / 2))
+    guide = LayeredImage(cv2.resize(truth.colour, (WIDTH // 4, HEIGHT // 4), interpolation=cv2.INTER_AREA), ())
+    image = follow_guide(FrameCache(first), FrameCache(last), made, Guide(guide), 0.5).image
+    assert isinstance(image, LayeredImage)
+    planes = image.planes()
+    np.testing.assert_allclose(planes["A.R"] * 3, planes["B.R"], atol=1e-5)
+    assert set(np.unique(planes["Id.X"])) <= {3, 7}
+    assert np.abs(image.colour - truth.colour).mean() < 0.02
+
+
+def test_confidence_is_given_where_it_was_asked_for() -> None:
+    """Confidence is high where the frames explain the guide, and None if the frame came without."""
+    first, truth, last = scene((0, 60, 80))
+    made = InterpolatedImage(without_guide(first, last), np.ones((HEIGHT, WIDTH), np.float32))
+    result = follow_guide(FrameCache(first), FrameCache(last), made, Guide(small(truth)), 0.5)
+    assert result.confidence is not None
+    assert result.confidence.shape == (HEIGHT, WIDTH)
+    assert result.confidence.mean() > 0.9
+    assert result.findings.from_frames > 0.9
