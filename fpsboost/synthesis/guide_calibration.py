@@ -173,26 +173,37 @@ def _shown(rendition: Rendition, pictures: Sequence[np.ndarray]) -> np.ndarray:
 
 def _with_offset(rendition: Rendition, key_guides: Sequence[np.ndarray], keys: Sequence[np.ndarray]) -> Rendition:
     """Return the rendition with the offset of the guides, if there is one that brings both closer to the frames."""
-    shown = [_framed(rendition.shown(key)) for key in keys]
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
-    shift = np.eye(2, 3, dtype=np.float32)
-    try:
-        cv2.findTransformECC(
-            np.vstack(shown), np.vstack([_framed(each) for each in key_guides]), shift, cv2.MOTION_TRANSLATION, stop
-        )
-    except cv2.error:  # nothing to see
+    width, height = rendition.size
+    inner = np.zeros((height, width), np.uint8)
+    inner[MARGIN:-MARGIN, MARGIN:-MARGIN] = 1
+    known = _stacked_gray(key_guides)
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
+    moved = rendition
+    for _ in range(OFFSET_ROUNDS):
+        shown = _stacked_gray([moved.shown(key) for key in keys])
+        shift = np.eye(2, 3, dtype=np.float32)
+        try:
+            cv2.findTransformECC(shown, known, shift, cv2.MOTION_TRANSLATION, stop, np.vstack([inner, inner]), 3)
+        except cv2.error:  # nothing to see
+            return rendition
+        # the guide shows at x + shift what the frames do at x
+        x, y = moved.offset
+        scale = rendition.factor
+        moved = replace(moved, offset=(x - float(shift[0, 2]) * scale, y - float(shift[1, 2]) * scale))
+    if max(map(abs, moved.offset)) < LEAST_OFFSET:
         return rendition
-    # the guide shows at x + shift what the frames do at x
-    x, y = (-float(each) * rendition.factor for each in shift[:, 2])
-    if max(abs(x), abs(y)) < LEAST_OFFSET:
-        return rendition
-    moved = replace(rendition, offset=(x, y))
     closer = all(
         np.std(moved.shown(key) - guide) < CLOSER * np.std(rendition.shown(key) - guide)
         for key, guide in zip(keys, key_guides, strict=True)
     )
     return moved if closer else rendition
 
+
+OFFSET_ROUNDS = 3
+"""Rounds in which the offset is corrected."""
+
+MARGIN = 4
+"""Width of the edge of guides that is not compared, pixels."""
 
 LEAST_OFFSET = 0.1
 """Smallest offset that is corrected, pixels of the frames."""
@@ -201,9 +212,9 @@ CLOSER = 0.95
 """Share of the difference that must be left of both guides for an offset to be found."""
 
 
-def _framed(levels: np.ndarray) -> np.ndarray:
-    """Return the gray of levels with a frame, so that two below each other do not touch."""
-    return cv2.copyMakeBorder(cv2.cvtColor(levels, cv2.COLOR_BGR2GRAY), 4, 4, 4, 4, cv2.BORDER_REFLECT)
+def _stacked_gray(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the gray of levels, one below the other."""
+    return np.vstack([cv2.cvtColor(each, cv2.COLOR_BGR2GRAY) for each in pictures])
 
 
 def _with_pixel_filter(rendition: Rendition, pictures: Sequence[np.ndarray], known: np.ndarray) -> Rendition:

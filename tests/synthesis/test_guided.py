@@ -78,7 +78,7 @@ def test_an_offset_is_found_by_the_guides_of_the_frames() -> None:
     frames = FrameCache(first), FrameCache(last)
     made = InterpolatedImage(without_guide(first, last))
     found = follow_guide(*frames, made, Guide(guide, first_guide, last_guide), 0.5)
-    assert found.findings.offset_x == pytest.approx(2, abs=0.6)
+    assert found.findings.offset_x == pytest.approx(2, abs=0.3)
     assert decibels(truth, found.image) > 33
     assert "offset (" in describe_findings(found.findings._asdict())
 
