@@ -111,6 +111,8 @@ class Interpolator(Checked):
     Examples
     --------
     >>> import numpy as np
+    >>> from fpsboost.motion.field import ZeroMotion
+    >>> from fpsboost.synthesis.blend import Blend
     >>> noise = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     >>> (middle,) = Interpolator(ZeroMotion(), Blend()).interpolate(noise, noise, [0.5])
     >>> bool((middle == noise).all())

@@ -49,7 +49,7 @@ class Position(Checked):
 
     @classmethod
     @checked
-    def parse(cls, text: str, option: str = "`position`", bare: str = "s", *, between: bool = False) -> Self:
+    def parse(cls, text: str, option: str = "The position", bare: str = "s", *, between: bool = False) -> Self:
         """Parse ``90s``, ``90.5s``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
 
         `bare` is the unit of a number without one: ``s`` or ``f``. With `between`, a position may lie between two
