@@ -55,8 +55,7 @@ class Colours:
         colours = _colours_of(values)
         if self.exposure is None:
             return colours.astype(np.float32) * (WHITE / white)
-        scaled = np.maximum(colours * self.exposure, 0).clip(0, MAX_LIGHT)
-        return np.asarray(cv2.log(1 + STEEPNESS * scaled).reshape(scaled.shape) * (WHITE / np.log1p(STEEPNESS)))
+        return self.of_light((colours * self.exposure).clip(0, MAX_LIGHT))
 
     def light(self, levels: np.ndarray) -> np.ndarray:
         """Return the light of `levels`, nearly: that of scene-linear colours, or that of the usual gamma."""

@@ -1,8 +1,8 @@
 """Guided synthesis: a cheap picture of the in-between frame itself, its guide, shows where everything is.
 
 1. Guides of both frames show how a guide is made (`guide_calibration`): offset, scaling, tone and noise.
-2. The report's search leads from the guide to both frames, as a guide would show them; and once more, in full size,
-   from the frame that this gives.
+2. The report's search leads from the guide to both frames, as a guide would show them; and once more, at half the size
+   of the frames, from the frame that this gives.
 3. The frames along this motion, the frame that is made without a guide, and that displaced to fit the guide are the
    candidates. Each pixel is their mean, weighted by how much their surroundings look like those in the guide, as
    non-local means are (Buades, Coll and Morel 2005, doi:10.1109/CVPR.2005.38).
@@ -125,12 +125,13 @@ def follow_guide(
     rendition = Rendition(colours, white, (width, height), levels[0].shape[1::-1], in_light=colours.is_scene_linear)
     key_guides = levels[1:] if len(levels) == 3 else []
     work = _Guided(values, levels[0], key_guides, calibrate(rendition, levels[0], key_guides, values[:2], values[2]))
-    fused = work.fused(t, adds_detail=not guide.is_damaged)
+    fused = work.fused(adds_detail=not guide.is_damaged)
     agreement = np.exp(fused.error * np.float32(-0.5 / UNSURE**2))
     calibration = work.calibration
     x, y = calibration.rendition.offset
-    found = float(len(key_guides) > 0), calibration.noise, -x, -y, float(calibration.is_other), float(agreement.mean())
-    findings = GuideFindings(*found)
+    is_calibrated = float(len(key_guides) > 0)
+    is_other = float(calibration.is_other)
+    findings = GuideFindings(is_calibrated, calibration.noise, -x, -y, is_other, float(agreement.mean()))
     confidence = None if made.confidence is None else work.rendition.raised(agreement)
     picture = colours.image(fused.values, *images, t)
     if not isinstance(made.image, LayeredImage):
@@ -160,6 +161,7 @@ class _Guided:
         self.key_guides = key_guides
         self.calibration = calibration
         self.rendition = calibration.rendition
+        self.searches = SMALL_SEARCHES if self.rendition.is_small else LARGE_SEARCHES
         self.side = NOISY_PATCH if calibration.is_noisy else PATCH
         # two guides with noise are compared if light or shading is another one
         self.variance = calibration.noise**2 * (2 if calibration.is_other else 1)
@@ -168,9 +170,9 @@ class _Guided:
             # differences beyond noise, such as a codec's, decide nothing either
             self.usual = float(_patch_error(calibration.usual[0], self.side, calibration.noise**2).mean())
 
-    def fused(self, t: float, *, adds_detail: bool) -> Fused:
+    def fused(self, *, adds_detail: bool) -> Fused:
         """Return the mean of all candidates, with what the guide alone shows."""
-        candidates = [*self._along(self._motions()), *self._own(t)]
+        candidates = [*self._along(self._motions()), *self._own()]
         first = self._with_difference(self._mean(candidates), adds_detail=adds_detail)
         image = FrameCache(_as_bytes(self._levels(first.values)))
         motions = [
@@ -191,9 +193,8 @@ class _Guided:
 
     def _motions(self) -> list[tuple[int, np.ndarray]]:
         """Return the motion from the guide to each frame, (H, W, 2), by each search, with the number of the frame."""
-        searches = SMALL_SEARCHES if self.rendition.is_small else LARGE_SEARCHES
         like = self._like
-        return [(i, self._search(picture, *each)) for each in searches for i, picture in enumerate(like)]
+        return [(i, self._search(picture, *each)) for each in self.searches for i, picture in enumerate(like)]
 
     def _search(self, picture: np.ndarray, scale: float, search: CoarseToFine) -> np.ndarray:
         """Return the motion from the guide to a picture that looks like it, for every pixel of the frame."""
@@ -209,7 +210,7 @@ class _Guided:
 
     def _candidate(self, values: np.ndarray, weight: float, source: int, flow: np.ndarray | None) -> Candidate:
         """Return a candidate with its difference from the guide."""
-        if not self.calibration.is_other or flow is None or source == 2:
+        if not self.calibration.is_other or flow is None:
             return Candidate(values, self._error(self.rendition.shown(values)), weight, source, flow)
         preview = sample(self.key_guides[source], self._guide_motion(flow), cv2.INTER_CUBIC)
         return Candidate(values, self._error(preview), weight, source, flow, preview)
@@ -222,14 +223,13 @@ class _Guided:
     def _error(self, shown: np.ndarray) -> np.ndarray:
         return _patch_error(shown - self.guide, self.side, self.variance)
 
-    def _own(self, t: float) -> list[Candidate]:
+    def _own(self) -> list[Candidate]:
         """Return the frame that is made without a guide as a candidate, and that displaced to fit the guide."""
-        weight = OWN_WEIGHT * (1 + self.usual / DOUBT)
         if self.calibration.is_other:
             return []
+        weight = OWN_WEIGHT * (1 + self.usual / DOUBT)
         own = self._candidate(self.made, weight, 2, None)
-        scale, search = (SMALL_SEARCHES if self.rendition.is_small else LARGE_SEARCHES)[0]
-        flow = self._search(self.rendition.shown(self.made), scale, search)
+        flow = self._search(self.rendition.shown(self.made), *self.searches[0])
         return [own, self._candidate(sample(self.made, flow, cv2.INTER_CUBIC), weight, 2, flow)]
 
     def _mean(self, candidates: list[Candidate]) -> Fused:
