@@ -79,6 +79,8 @@ class FrameCache:
     pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
         Image on which motion and weights are estimated: the image itself; of images with layers, whose colours are
         scene-linear, these colours as they are compared, see `fpsboost.colour`.
+    guide : (h, w, C) array, YCbCrImage, LayeredImage or None
+        Cheap picture of the image, by which guides of the images made of it are calibrated.
 
     Examples
     --------
@@ -95,6 +97,7 @@ class FrameCache:
         self.image = image
         self.output_position = output_position
         self.source_position = source_position
+        self.guide: FrameImage | None = None
         self._results = Results()
 
     def with_image(self, image: FrameImage) -> FrameCache:

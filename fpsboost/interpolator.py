@@ -19,6 +19,7 @@ from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.image_checks import check_guide_size, check_pair, check_values
+from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator, TakesPlanes
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
@@ -236,9 +237,11 @@ class Interpolator(Checked):
         check_values(image1, "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
-        made = interpolator.images(pair, times)
         if guides is not None:
-            made = _guided(made, pair, times, guides, key_guides or (None, None))
+            for guide in guides:
+                check_guide_size("A guide", guide.shape[:2], image0.shape[:2])
+            pair.image0.guide, pair.image1.guide = key_guides or (None, None)
+        made = interpolator.images(pair, times, guides=guides)
         arrays = [view(image).array() for image, _ in made]
         if any(0 < t < 1 for t in times) and pair.is_cut:
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=3)
@@ -272,6 +275,7 @@ class Interpolator(Checked):
         times: Sequence[float | Fraction],
         *,
         with_confidence: bool = False,
+        guides: Sequence[FrameImage | None] | None = None,
     ) -> Iterator[InterpolatedImage]:
         """Interpolate like `interpolate`, but one image at a time, along curved trajectories, and with confidence.
 
@@ -288,6 +292,9 @@ class Interpolator(Checked):
             `fpsboost.synthesis.FusesHypotheses`, or else the agreement of the two frames, see
             `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames, and 1 for the frames
             themselves.
+        guides : sequence of (h, w, C) array, YCbCrImage, LayeredImage or None, optional
+            A cheap picture for every time, which the image follows; None where there is none. Those of the two frames
+            are their `FrameCache.guide`. `Pair.findings` has what they tell.
 
         Returns
         -------
@@ -302,19 +309,27 @@ class Interpolator(Checked):
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return self._images(pair, times, with_confidence=with_confidence)
+        return self._images(
+            pair, times, [None] * len(times) if guides is None else guides, with_confidence=with_confidence
+        )
 
     def _images(
-        self, pair: Pair, times: Sequence[float | Fraction], *, with_confidence: bool
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        guides: Sequence[FrameImage | None],
+        *,
+        with_confidence: bool,
     ) -> Iterator[InterpolatedImage]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._synthesize(pair, inner, with_confidence=with_confidence) if inner else iter(())
-        for t in times:
+        images = self._synthesize(pair, inner, with_confidence=with_confidence) if inner else iter(())
+        for t, guide in zip(times, guides, strict=True):
             frame = pair.image1 if t == 1 else pair.image0
-            image, confidence = next(made) if 0 < t < 1 else InterpolatedImage(frame.image.copy())
+            image, confidence = next(images) if 0 < t < 1 else InterpolatedImage(frame.image.copy())
             if with_confidence and confidence is None:  # no motion connects the frames, or it is one of them
                 confidence = np.full(image.shape[:2], t in {0, 1}, np.float32)
-            yield InterpolatedImage(image, confidence if with_confidence else None)
+            made = InterpolatedImage(image, confidence if with_confidence else None)
+            yield made if guide is None or not 0 < t < 1 else _guided(pair, made, guide, t)
 
     def _synthesize(self, pair: Pair, times: list[float], *, with_confidence: bool) -> Iterator[InterpolatedImage]:
         scene = pair.within_scene
@@ -375,16 +390,10 @@ class Interpolator(Checked):
         return replace(self, **bare)
 
 
-def _guided(
-    images: Iterator[InterpolatedImage],
-    pair: Pair,
-    times: Sequence[float | Fraction],
-    guides: Sequence[Image],
-    key_guides: tuple[Image | None, Image | None],
-) -> Iterator[InterpolatedImage]:
-    """Let images follow their guides; raise `InputError` if these have no size for guides."""
-    for made, t, picture in zip(images, times, guides, strict=True):
-        check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
-        guide = Guide(picture, *key_guides)
-        guided = follow_guide(pair.image0, pair.image1, made, guide, float(t)) if 0 < t < 1 else made
-        yield InterpolatedImage(guided.image, guided.confidence)
+def _guided(pair: Pair, made: InterpolatedImage, picture: FrameImage, t: float | Fraction) -> InterpolatedImage:
+    """Return an image as its guide shows it, and keep what the guide tells with the pair."""
+    is_damaged = pair.image0.guide is pair.image0.image  # as is a frame that guides its own repair
+    guide = Guide(picture, pair.image0.guide, pair.image1.guide, is_damaged)
+    guided = follow_guide(pair.image0, pair.image1, made, guide, float(t))
+    pair.findings[t] = guided.findings
+    return InterpolatedImage(guided.image, guided.confidence)

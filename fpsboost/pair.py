@@ -25,6 +25,7 @@ from fpsboost.motion import MotionEstimator
 from fpsboost.motion.components import gray, half_chroma
 from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
 from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.guided import GuideFindings
 
 MAX_LENGTH = 1e6
 """No vector is as long, pixels."""
@@ -66,6 +67,8 @@ class Pair:
     ----------
     before, after : Pair or None
         The pairs that share its first and its last frame, if they are known. Those farther away have no influence.
+    findings : dict of Fraction or float to GuideFindings
+        What guides have told of the frames made between the two, by the times of these.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class Pair:
         self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
         self.before: Pair | None = None
         self.after: Pair | None = None
+        self.findings: dict[Fraction | float, GuideFindings] = {}
         self._results = Results()
         self._decisions = Results()  # those that depend on the pairs before and after
 

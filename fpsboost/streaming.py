@@ -33,7 +33,6 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.options import Range, checked
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.exposure import Exposure
-from fpsboost.synthesis.guided import Guide, GuideFindings, follow_guide
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timeline import Interval, ScheduledFrame, Timeline, TimelineOptions
 from fpsboost.timing.position import format_time
@@ -157,8 +156,6 @@ class MadeFrame(NamedTuple):
     motion: PairMotion | None = None
     scene: int = 0
     """Number of cuts before it."""
-    findings: GuideFindings | None = None
-    """What its guide told; None without one."""
 
 
 class Batch(NamedTuple):
@@ -197,8 +194,13 @@ class _Loop:
         """Make the output frames of a part of an interval; those that are not needed carry any image."""
         outputs = interval.outputs[begin : begin + FRAMES_PER_TASK]
         match = self.measure_match(interval) if begin == 0 and interval.is_counted and not interval.scene_cut else None
-        times = [each.step.t for each in outputs if each.is_interpolated and each.is_missing]
-        images = self.interpolator.images(interval.pair, times, with_confidence=self.needs_confidence)
+        missing = [each for each in outputs if each.is_interpolated and each.is_missing]
+        images = self.interpolator.images(
+            interval.pair,
+            [each.step.t for each in missing],
+            with_confidence=self.needs_confidence,
+            guides=[each.guide for each in missing],
+        )
         frames = [
             # between frames that show the same, a repeated one is certain
             self.interpolated(interval, each, images) if each.is_interpolated else self.repeated(each, 1)
@@ -214,17 +216,9 @@ class _Loop:
         if not output.is_missing:
             return MadeFrame(output, InterpolatedImage(output.source.image), motion=motion)
         image = next(images)
-        findings = None
-        if output.guide is not None:
-            is_damaged = any(output.guide is each.image for each in interval.group)  # which guides its own repair
-            guide = Guide(output.guide, *interval.key_guides, is_damaged)
-            pair = interval.pair
-            guided = follow_guide(pair.image0, pair.image1, image, guide, float(output.step.t))
-            image = InterpolatedImage(guided.image, guided.confidence)
-            findings = guided.findings
         is_exposed = output.step.frame_number is not None  # and averaged before it is masked
         image = image if is_exposed else self.masked(image, output)
-        return MadeFrame(output, image, motion=motion, findings=findings)
+        return MadeFrame(output, image, motion=motion)
 
     def repeated(self, output: ScheduledFrame, confidence: float) -> MadeFrame:
         """Return an output frame that repeats the source's, with this confidence unless it is shown at its own time."""
@@ -315,11 +309,13 @@ class _Loop:
 
     def count_guides(self, batch: Batch) -> None:
         """Count the frames that a task has made with and without a guide."""
-        for each in batch.frames:
-            if each.findings is not None:
-                self.summary.note_guides(1, each.findings._asdict())
-            elif each.output.is_interpolated and each.output.is_missing:
-                self.summary.guides_missing.append(each.output.number)
+        for each in (made.output for made in batch.frames):
+            if not (each.is_interpolated and each.is_missing):
+                continue
+            if each.guide is None:
+                self.summary.guides_missing.append(each.number)
+            else:
+                self.summary.note_guides(1, batch.interval.pair.findings[each.step.t]._asdict())
 
     def count_interval(self, interval: Interval) -> None:
         """Count the frames of an interval's group that are interpolated, and its cut, unless another run does."""

@@ -102,8 +102,6 @@ class Interval:
     """Whether frames of the group are replaced because they are damaged."""
     is_counted: bool
     """Whether it belongs to this run, of all that write a part of the output."""
-    key_guides: tuple[FrameImage | None, FrameImage | None] = (None, None)
-    """Guides of the two pictures."""
 
     def between(self, before: Interval | None, after: Interval | None) -> Interval:
         """Return the same interval, whose pair knows those of the intervals before and after."""
@@ -178,8 +176,6 @@ class Timeline:
     """`Step.frame_number` of the last output frame so far."""
     last: tuple[SourceFrame, ...] | None = None
     """Previous group of frames."""
-    last_guide: FrameImage | None = None
-    """Guide of the picture that the previous group shows."""
     end: Fraction = Fraction(0)
     """Time at which the clip ends, when all frames are read."""
     captions: list[tuple[Fraction, bytes]] = field(default_factory=list)
@@ -243,7 +239,7 @@ class Timeline:
         """Yield the intervals by themselves, without those beside them."""
         for group in groups:
             if self.last is None:
-                self.last_guide = self._guide_of(group[0])
+                self._give_guide(group[0])
             else:
                 yield self._interval(self.last, group[0])
             self.last = group
@@ -267,14 +263,13 @@ class Timeline:
         is_gap = following.frame.ends_gap
         pair = self.interpolator.pair(group[0], following, duration, apart=apart, is_gap=is_gap)
         is_counted = first_output in self.outputs
-        key_guides = self.last_guide, self._guide_of(following)
-        self.last_guide = key_guides[1]
-        return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted, key_guides)
+        self._give_guide(following)
+        return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted)
 
-    def _guide_of(self, source: SourceFrame) -> FrameImage | None:
-        """Return the guide of a frame of the source; must be called in order."""
+    def _give_guide(self, source: SourceFrame) -> None:
+        """Give a frame of the source its own guide; must be called in order."""
         # with a curve, its position is only that of the next output frame
-        return self._guide(source.output_position if self.curve is None else None, source.time, source)
+        source.guide = self._guide(source.output_position if self.curve is None else None, source.time, source)
 
     def _guide(self, number: Fraction | None, time: Fraction, source: SourceFrame) -> FrameImage | None:
         """Return the guide of a frame at a time, and at or behind a frame of the source; must be called in order."""

@@ -54,8 +54,7 @@ def shown_guides(monkeypatch: pytest.MonkeyPatch) -> None:
         image[:] = [level_of(each) for each in guide[:3]]
         return GuidedImage(image, made.confidence, SimpleNamespace(_asdict=lambda: {"t": t}))
 
-    for user in ("streaming", "interpolator", "evaluation.compared_methods"):
-        monkeypatch.setattr(f"fpsboost.{user}.follow_guide", follow)
+    monkeypatch.setattr("fpsboost.interpolator.follow_guide", follow)
     monkeypatch.setattr("fpsboost.guides.describe_findings", lambda means: f"t {means['t']:g}")
 
 

@@ -22,12 +22,9 @@ from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
-from fpsboost.layered import FrameImage
 from fpsboost.media import graph_of, pulled
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair, items_with_neighbours
-from fpsboost.synthesis import InterpolatedImage
-from fpsboost.synthesis.guided import Guide, follow_guide
 
 MINTERPOLATE = "minterpolate"
 """Name of FFmpeg's filter among the methods."""
@@ -88,22 +85,17 @@ class ComparedInterpolator:
         for interval, pair in items_with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
-                yield from self._timed(pair, chosen, interval.key_guides if self.follows_guides else None)
+                yield from self._timed(pair, chosen)
             pair.release_caches()
 
-    def _timed(
-        self, pair: Pair, chosen: Sequence[HeldOutFrame], key_guides: tuple[FrameImage | None, FrameImage | None] | None
-    ) -> Iterator[InterpolatedFrame]:
+    def _timed(self, pair: Pair, chosen: Sequence[HeldOutFrame]) -> Iterator[InterpolatedFrame]:
         """Yield the chosen frames of an interval with the time that each took."""
-        images = self.interpolator.images(pair, [hidden.t for hidden in chosen])
+        guides = [hidden.guide for hidden in chosen] if self.follows_guides else None
+        images = self.interpolator.images(pair, [hidden.t for hidden in chosen], guides=guides)
         for hidden in chosen:
             begin = time.perf_counter()
             begin_cpu = time.process_time()
             image = next(images)
-            if key_guides is not None and hidden.guide is not None:
-                guide = Guide(hidden.guide, *key_guides)
-                guided = follow_guide(pair.image0, pair.image1, image, guide, float(hidden.t))
-                image = InterpolatedImage(guided.image)
             seconds = time.perf_counter() - begin
             cpu = time.process_time() - begin_cpu
             yield InterpolatedFrame(hidden.number, view(image.image).array(), seconds, cpu, pair.search_radius)

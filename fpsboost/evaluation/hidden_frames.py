@@ -71,7 +71,10 @@ class Interval(NamedTuple):
     def prepared(self, *, with_layers: bool = False) -> tuple[FrameCache, FrameCache]:
         """Return the shown frames, as arrays or with layers, at their positions in the clip, with empty caches."""
         first, second = (frame.image if with_layers else frame.array for frame in (self.shown0, self.shown1))
-        return _prepared(first, self.begin), _prepared(second, self.end)
+        images = _prepared(first, self.begin), _prepared(second, self.end)
+        for image, guide in zip(images, self.key_guides, strict=True):
+            image.guide = guide
+        return images
 
     def prepared_truths(self) -> list[FrameCache]:
         """Return the hidden frames at their positions in the clip, with empty caches."""
