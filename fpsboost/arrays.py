@@ -3,8 +3,7 @@
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, count, cycle, islice, takewhile
 from typing import Annotated, Any, Literal, overload
@@ -18,7 +17,7 @@ from fpsboost.conflicts import check_together
 from fpsboost.contracts import Entry, OutputRange, Summary
 from fpsboost.edits import LOOP_CONTEXT
 from fpsboost.errors import InputError, OptionError
-from fpsboost.guides import guides_of, guides_of_stream
+from fpsboost.guides import guides_of
 from fpsboost.image import Image
 from fpsboost.image_checks import check_image
 from fpsboost.interpolator import Interpolator
@@ -47,7 +46,7 @@ def stream(
     input_fps: Rate | None = None,
     duplicates: Duplicates = "interpolate",
     threads: PositiveInt | None = None,
-    guide: PathName | Iterable[Image] | None = None,
+    guide: Iterable[Image] | None = None,
 ) -> Iterator[Image]:
     """Raise the frame rate of a source of frames, and yield frames as they are made.
 
@@ -75,8 +74,8 @@ def stream(
         Whether frames that repeat the one before are replaced by interpolated ones, or kept.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
-    guide : str, os.PathLike or iterable of (h, w, C) uint8, uint16 or float32, optional
-        Cheap clip of the output, as `fpsboost.convert` takes it; or a picture for every output frame, in order.
+    guide : iterable of (h, w, C) uint8, uint16 or float32, optional
+        Cheap picture of every output frame, in order, which shows where everything is.
 
     Yields
     ------
@@ -107,17 +106,14 @@ def stream(
     decoding = DecodeOptions(input_fps=input_fps)
     limit = MemoryLimit(bytes_per_pixel=BYTES_PER_PIXEL_OF.get(type(interpolator.estimator), BYTES_PER_PIXEL))
     linear = interpolator.takes_layers
-    with ExitStack() as stack:
-        opened = _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None)
-        stack.enter_context(opened)
+    if guide is not None:
+        check_together(interpolator.names_given() | {"guide"})
+    with _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None) as opened:
         curve = timing.time_map(opened.info)
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
         schedule = timing.schedule(opened.info, curve=curve)
-        options = TimelineOptions(duplicates=detector_of(duplicates))
-        if guide is not None:
-            guides = stack.enter_context(guides_of_stream(guide, opened, schedule, interpolator))
-            options = replace(options, guides=guides)
+        options = TimelineOptions(duplicates=detector_of(duplicates), guides=guides_of(guide))
         with interpolate_frames(opened, interpolator, schedule, Summary(), options=options, threads=threads) as frames:
             for frame in frames:
                 yield frame.array
@@ -271,6 +267,7 @@ def interpolate_clip(
         raise OptionError("`fps` and `to_fps` must be above 0.")
     pixels = _Pixels(order, layout)
     clip = _as_images(frames)
+    cheap = None if guides is None else map(pixels.read, _as_images(guides))
     before = list[Image]()
     total = None
     if not isinstance(clip, Iterator):
@@ -288,9 +285,8 @@ def interpolate_clip(
         target,
         find_method(method),
         loop=loop,
-        options=TimelineOptions(duplicates=detector_of(duplicates)),
+        options=TimelineOptions(duplicates=detector_of(duplicates), guides=guides_of(cheap)),
         threads=threads,
-        guides=None if guides is None else map(pixels.read, _as_images(guides)),
         progress=progress,
     )
     if total is None:
@@ -359,7 +355,6 @@ def _clip_frames(
     loop: bool,
     options: TimelineOptions,
     threads: int | None,
-    guides: Iterable[Image] | None,
     progress: Progress | None,
 ) -> Iterator[tuple[Image, Fraction]]:
     """Yield the output frames of a clip with their times; see `interpolate_clip`.
@@ -370,8 +365,6 @@ def _clip_frames(
     start = len(before) / rate
     ends = list[Fraction]()
     source = ArraySource(chain(before, _continued(images, rate, ends)) if loop else images, rate, "`frames`")
-    if guides is not None:
-        options = replace(options, guides=guides_of(guides, source.info))
     with interpolate_frames(
         source,
         interpolator,

@@ -4,30 +4,26 @@ from __future__ import annotations
 
 import os
 import re
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import NamedTuple, Self
 
-from fpsboost.conflicts import check_together
-from fpsboost.contracts import FrameSource, RandomAccess, Summary
-from fpsboost.edits import OpenedClip
+from fpsboost.contracts import RandomAccess, Summary
 from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import ClipInfo
+from fpsboost.frame import Frame
 from fpsboost.image import Image
 from fpsboost.image_checks import check_guide_size
-from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
 from fpsboost.io.images.exr import read_exr_header
 from fpsboost.io.images.files import extension_of
 from fpsboost.io.images.layers import contents_of
 from fpsboost.io.images.source import find_images
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source, stands_for_images
-from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import OWN, DecodeOptions
 from fpsboost.layered import FrameImage
@@ -35,9 +31,9 @@ from fpsboost.media import counted
 from fpsboost.options import PathName
 from fpsboost.remarks import Remarks
 from fpsboost.synthesis.guided import describe_findings
-from fpsboost.timeline import FramePlace, positions_of
+from fpsboost.timeline import FramePlace, Guides, positions_of
 from fpsboost.timing.position import as_ranges
-from fpsboost.timing.schedule import Schedule
+from fpsboost.timing.schedule import Schedule, count_frames
 
 TOLERANCE = Fraction(1, 4)
 """Farthest that a guide lies from its frame in time, as a part of the interval between output frames."""
@@ -59,40 +55,39 @@ class GuidedClip:
     """Files of the clip, and whether they are images."""
     schedule: Schedule
     """Times of the output frames."""
+    factor: Fraction | None
+    """Output frames per image, where images may keep their numbers."""
     requirements: TargetRequirements
     """How the clip is read."""
-    frames: int | None = None
-    """Number of output frames; None if that is not known."""
-    numbers: tuple[int, int] = (0, 1)
-    """Number of the first output frame, and the step to the next one, where images are numbered."""
 
-    @classmethod
-    def of(cls, clip: OpenedClip, schedule: Schedule, output: Output, *, linear: bool) -> Self:
-        """Return an opened clip with its output; `linear` is whether the method takes scene-linear colours."""
-        stream = clip.whole.stream_info
-        target = clip.target
-        needs = TargetRequirements(pictures_alone=not target.has_clock, upright=target.has_rate, linear=linear)
-        numbers = (0, 1) if stream.images is None else stream.images.output_numbers(output.factor)
-        return cls(clip.source, stream, schedule, needs, output.expected_frames, numbers)
+    def numbered(self, frames: Iterable[int]) -> list[int]:
+        """Return the numbers of output frames, counted from 0, as those of the images that are written."""
+        images = self.stream.images
+        first, step = (0, 1) if images is None else images.output_numbers(self.factor)
+        return [first + step * frame for frame in frames]
 
-    @property
-    def rate(self) -> Fraction:
-        """Output frames per second of the clip."""
-        return self.schedule.rate(self.source.info.rate)
+    def made(self) -> list[FramePlace]:
+        """Return the places of the frames that are made; none if only decoding tells."""
+        times = self.source.frame_times() or [Fraction(0)]
+        start = times[0]
+        shown = [self.schedule.presentation_time(start, time) for time in times]
+        steps = (self.schedule.steps(k, start, *pair) for k, pair in enumerate(pairwise(shown)))
+        offset = positions_of(self.source)(0, Fraction(0)).seconds - start
+        interval = 1 / self.schedule.rate(self.source.info.rate)
+        return [
+            FramePlace(Fraction(number), offset + step.time, interval, None)
+            for number, step in enumerate(chain.from_iterable(steps))
+            if step.t > 0
+        ]
 
-    def goes_by_number(self, path: str) -> bool:
-        """Return whether guides go by the numbers of output frames: images for images."""
-        return self.stream.images is not None and stands_for_images(path)
-
-    def remark_on_missing(self, remarks: Remarks, guide: str, missing: Sequence[int], made: int) -> None:
+    def remark_on_missing(self, remarks: Remarks, guide: PathName | None, missing: Sequence[int], made: int) -> None:
         """Add the remark that some output frames, of so many that are made, have no guide, if there are some."""
         if missing and guide != OWN:
-            first, step = self.numbers if self.goes_by_number(guide) else (0, 1)
-            ranges = as_ranges(first + step * number for number in missing).split(", ")
+            ranges = as_ranges(self.numbered(missing)).split(", ")
             numbers = ", ".join(ranges[:MOST_LISTED]) + ", ..." * (len(ranges) > MOST_LISTED)
             remarks.add("guide-missing", name=guide, missing=len(missing), frames=made, numbers=numbers)
 
-    def remarks(self, guide: str, summary: Summary) -> Remarks:
+    def remarks(self, guide: PathName | None, summary: Summary) -> Remarks:
         """Return the remarks on a conversion with a guide."""
         remarks = Remarks()
         count = summary.guided_frames
@@ -102,129 +97,117 @@ class GuidedClip:
             remarks.add("guide-followed", name=guide, frames=counted(count, "frame"), found=found)
         return remarks
 
-    def made(self) -> list[FramePlace]:
-        """Return the places of the frames that are made; none if only decoding tells."""
-        times = self.source.frame_times() or [Fraction(0)]
-        start = times[0]
-        shown = [self.schedule.presentation_time(start, time) for time in times]
-        steps = (self.schedule.steps(k, start, *pair) for k, pair in enumerate(pairwise(shown)))
-        offset = positions_of(self.source)(0, Fraction(0)).seconds - start
-        return [
-            FramePlace(Fraction(number), offset + step.time, 1 / self.rate, None)
-            for number, step in enumerate(chain.from_iterable(steps))
-            if step.t > 0
-        ]
-
-
-class OwnGuides:
-    """Frames of the source as guides of those that replace them."""
-
-    def picture(self, place: FramePlace) -> FrameImage | None:
-        """Return the source's own frame of a time."""
-        return None if place.source is None else place.source.image
-
 
 @dataclass
 class PlacedGuides:
     """Guides that are the frames of a source, which is read as far as they are asked for."""
 
-    source: RandomAccess
-    by_number: bool = True
-    """Whether their places are numbers of output frames, counted from 0, and not seconds after the clip's first one."""
-    first: Fraction = Fraction(0)
-    """Place of the first guide."""
-    step: int = 1
-    """Seconds of the source for a number."""
+    source: DescribedSource
+    offset: Fraction = Fraction(0)
+    """Time in the source, after its first frame, of output frame 0, or of the clip's first frame."""
+    step: int | None = 1
+    """Seconds of the source from an output frame to the next; None if guides go by time."""
 
     def __post_init__(self) -> None:
-        self._arriving: Iterator[_Placed] = iter(())
-        self._nearest: _Placed | None = None
-        self._following: _Placed | None = None
+        self._arriving: Iterator[Frame] = iter(())
+        self._nearest: Frame | None = None
+        self._following: Frame | None = None
 
-    def _wanted(self, place: FramePlace) -> tuple[Fraction | None, Fraction]:
-        """Return where the guide of a frame is, None if there is none, and how far it may be from there."""
-        return (place.number, Fraction(0)) if self.by_number else (place.seconds, place.interval * TOLERANCE)
+    def _wanted(self, place: FramePlace) -> tuple[Fraction, Fraction]:
+        """Return when the source shows the guide of a frame, after its first frame, and the tolerance; seconds."""
+        if self.step is None:
+            return place.seconds + self.offset, place.interval * TOLERANCE
+        return place.number * self.step + self.offset, Fraction(0)
 
-    def missing(self, places: Sequence[FramePlace]) -> list[int] | None:
+    def missing(self, places: Iterable[FramePlace]) -> list[int] | None:
         """Return the numbers of those frames that have no guide; None if only decoding tells."""
         times = self.source.frame_times()
-        if not times or not places:
+        if times is None:
             return None
-        there = [self.first + (time - times[0]) / self.step for time in times]
+        there = [time - times[0] for time in times]
         missing = list[int]()
         for place in places:
             at, tolerance = self._wanted(place)
-            assert at is not None, "known of frames that are made"
-            after = bisect_left(there, at - tolerance)
-            if after == len(there) or there[after] > at + tolerance:
-                missing.append(int(place.number or 0))
+            if bisect_left(there, at - tolerance) == bisect_right(there, at + tolerance):
+                missing.append(int(place.number))
         return missing
 
     def picture(self, place: FramePlace) -> FrameImage | None:
         """Return the picture that is nearest to a frame; see `fpsboost.timeline.Guides`."""
         at, tolerance = self._wanted(place)
-        if at is None:
-            return None
         if self._nearest is None:
             self._arriving = self._read_from(at)
             self._nearest = next(self._arriving)
             self._following = next(self._arriving, None)
-        while self._following is not None and abs(self._following.place - at) < abs(self._nearest.place - at):
+        while self._following is not None and abs(self._following.time - at) < abs(self._nearest.time - at):
             self._nearest = self._following
             self._following = next(self._arriving, None)
-        return self._nearest.image if abs(self._nearest.place - at) <= tolerance else None
+        return self._nearest.image if abs(self._nearest.time - at) <= tolerance else None
 
-    def _read_from(self, at: Fraction) -> Iterator[_Placed]:
-        """Yield guides, from the last one before a place on."""
+    def _read_from(self, at: Fraction) -> Iterator[Frame]:
+        """Yield frames with their times after the first one, from the last one before a time on."""
         start = None
-        if at > self.first and (times := self.source.frame_times()):
+        if at > 0 and (times := self.source.frame_times()):
             start = times[0]
-            seconds = start + (at - self.first) * self.step
-            self.source.begin_at(max(0, bisect_left(times, seconds) - 1))
+            self.source.begin_at(max(0, bisect_left(times, start + at) - 1))
         for frame in self.source:
             start = frame.time if start is None else start
-            yield _Placed(self.first + (frame.time - start) / self.step, frame.image)
+            yield replace(frame, time=frame.time - start)
 
 
-class _Placed(NamedTuple):
-    place: Fraction
-    image: FrameImage
+def own_picture(place: FramePlace) -> FrameImage | None:
+    """Return the frame of the source that is to be replaced as the guide of its own repair."""
+    return None if place.source is None else place.source.image
+
+
+def guides_of(images: Iterable[Image] | None) -> Guides | None:
+    """Return images as the guides of output frames in order; None without."""
+    return None if images is None else PlacedGuides(ArraySource(images, Fraction(1), "`guide`")).picture
 
 
 @contextmanager
-def opened_guides(decoding: DecodeOptions, clip: GuidedClip) -> Iterator[OwnGuides | PlacedGuides]:
-    """Open the guide that options name for a clip while the block lasts.
+def opened_guides(decoding: DecodeOptions, clip: GuidedClip) -> Iterator[Guides | None]:
+    """Open the guide that options name for a clip while the block lasts; None if they name none.
 
     Raises
     ------
     InputError, OptionError
         It cannot be read, is no picture of the clip, has another shape, is larger, or shows none of the frames.
     """
-    path = os.fspath(decoding.guide or OWN)
-    if path == OWN:
-        yield OwnGuides()
-        return
+    if decoding.guide is None:
+        yield None
+    elif decoding.guide == OWN:
+        yield own_picture
+    else:
+        with placed_guides(os.fspath(decoding.guide), decoding, clip) as guides:
+            yield guides.picture
+
+
+@contextmanager
+def placed_guides(path: str, decoding: DecodeOptions, clip: GuidedClip) -> Iterator[PlacedGuides]:
+    """Open the guide of a clip at a path while the block lasts; see `opened_guides`."""
     if path in PIPES:
         raise OptionError("`guide` is read beside the input, which a pipe does not allow; name a file or a folder.")
-    by_number = clip.goes_by_number(path)
-    numbers = find_images(path).numbers if stands_for_images(path) else []
-    first, step = clip.numbers
-    place = -Fraction(decoding.guide_offset)
-    rate = clip.rate if numbers else None
-    if by_number:
+    offset = Fraction(decoding.guide_offset)
+    step = None
+    if stands_for_images(path):
+        if offset:
+            raise OptionError(f"`guide_offset` is for guides by time, and {path} goes by numbers; leave it out.")
+        numbers = find_images(path).numbers
         if not numbers:
             raise InputError(f"The images of {path} have no numbers; give them those of the output frames.")
-        if place:
-            raise OptionError(f"`guide_offset` is for guides by time, and {path} goes by numbers; leave it out.")
-        place = Fraction(numbers[0] - first, step)
-        rate = Fraction(1)
-    elif clip.stream.images is not None and decoding.input_fps is None and os.path.exists(path):
-        raise OptionError(f"{path} goes by time, and images have no frame rate; say it with `input_fps`.")
-    reading = DecodeOptions(input_fps=rate)
-    with open_source(path, requirements=clip.requirements, decoding=reading, fill_gaps=bool(numbers)) as source:
+        first, following = clip.numbered([0, 1])
+        step = following - first
+        if clip.stream.images is not None:  # those of a video are taken in order
+            offset = Fraction(first - numbers[0])
+    reading = DecodeOptions(input_fps=None if step is None else Fraction(1))
+    with open_source(path, requirements=clip.requirements, decoding=reading, fill_gaps=step is not None) as source:
+        if step is None and clip.stream.images is not None and decoding.input_fps is None:
+            raise OptionError(f"{path} goes by time, and images have no frame rate; say it with `input_fps`.")
         _check_files(path, source.stream_info.files[0], clip.stream.files)
-        _check_size(source, clip.source.info)
-        guides = PlacedGuides(source, by_number, place, step if by_number else 1)
+        shown = clip.source.info
+        check_guide_size(path, (source.info.height, source.info.width), (shown.height, shown.width))
+        guides = PlacedGuides(source, offset, step)
         if decoding.trim.is_whole:
             _check_overlap(path, guides, clip)
         yield guides
@@ -243,61 +226,38 @@ def _check_files(path: str, file: Path, of_clip: Sequence[Path]) -> None:
         )
 
 
-def guides_of(images: Iterable[Image], clip: ClipInfo) -> PlacedGuides:
-    """Return images as the guides of output frames in order; raise `InputError` if they have no size for a guide."""
-    source = ArraySource(images, Fraction(1), "`guide`")
-    _check_size(source, clip)
-    return PlacedGuides(source)
-
-
-@contextmanager
-def guides_of_stream(
-    guide: PathName | Iterable[Image], clip: DescribedSource, schedule: Schedule, method: Interpolator
-) -> Iterator[OwnGuides | PlacedGuides]:
-    """Open the guide of a source that is streamed while the block lasts, or take images; see `opened_guides`."""
-    path = os.fspath(guide) if isinstance(guide, str | os.PathLike) else ""
-    check_together(method.names_given() | {"guide", f"guide={path!r}"})
-    if not isinstance(guide, str | os.PathLike):
-        yield guides_of(guide, clip.info)
-        return
-    images = clip.stream_info.images
-    numbers = (0, 1) if images is None else images.output_numbers(schedule.rate(clip.info.rate) / clip.info.rate)
-    needs = TargetRequirements(linear=method.takes_layers)
-    decoding = DecodeOptions(guide=path, input_fps=clip.info.rate)
-    with opened_guides(decoding, GuidedClip(clip, clip.stream_info, schedule, needs, None, numbers)) as guides:
-        yield guides
-
-
-def _check_size(guide: FrameSource, clip: ClipInfo) -> None:
-    """Raise `InputError` if the pictures of a guide have another shape than a clip, or are larger."""
-    size = guide.info.height, guide.info.width
-    check_guide_size(guide.info.name, size, (clip.height, clip.width))
-
-
 def _check_overlap(path: str, guides: PlacedGuides, clip: GuidedClip) -> None:
     """Raise `InputError` if a guide surely shows none of the frames, by the lengths of both."""
-    end = clip.frames if guides.by_number else clip.source.info.duration
+    info = clip.source.info
+    frames = count_frames(clip.schedule, info, holds_last_frame=False)
+    end = info.duration if guides.step is None else frames and frames * guides.step
     length = guides.source.info.duration
-    last = None if length is None else guides.first + length / guides.step
-    if (end is None or guides.first < end) and (last is None or last > 0):
+    if (end is None or -guides.offset < end) and (length is None or guides.offset < length):
         return
-    if guides.by_number:
-        numbers = as_ranges(find_images(path).numbers)
-        first, step = clip.numbers
-        whole = f"{first} to {first + step * ((clip.frames or 1) - 1)}"
-        raise InputError(f"{path} has the numbers {numbers}, and the output has {whole}; number the guides like that.")
+    images = guides.source.stream_info.images
+    if images is None:
+        begin = f"{-float(guides.offset):.3f} s"
+        raise InputError(f"{path} begins {begin} after the clip and shows none of it; correct `guide_offset`.")
+    first, *_, last = clip.numbered(range(frames or 1))
     raise InputError(
-        f"{path} begins {float(guides.first):.3f} s after the clip and shows none of it; correct `guide_offset`."
+        f"{path} has the numbers {as_ranges(images.numbers)}, and the output has {first} to {last}; number the guides "
+        "like that."
     )
 
 
-def coverage(decoding: DecodeOptions, clip: GuidedClip) -> tuple[str, Remarks]:
-    """Return of how many frames a guide has pictures, in words, and a remark on the others; see `opened_guides`."""
+def coverage(decoding: DecodeOptions, clip: GuidedClip) -> Remarks:
+    """Return a remark on which frames have a picture in the guide that options name; none if they name no clip."""
     remarks = Remarks()
-    with opened_guides(decoding, clip) as guides:
+    if decoding.guide is None or decoding.guide == OWN:
+        return remarks
+    path = os.fspath(decoding.guide)
+    with placed_guides(path, decoding, clip) as guides:
         made = clip.made()
-        missing = None if isinstance(guides, OwnGuides) else guides.missing(made)
-        if missing is None:
-            return "known when the frames are read", remarks
-        clip.remark_on_missing(remarks, os.fspath(decoding.guide or OWN), missing, len(made))
-        return f"{len(made) - len(missing)} of the {counted(len(made), 'frame')} to be made", remarks.expected
+        missing = guides.missing(made)
+    if missing is None or not made:
+        remarks.add("guide-unread", name=path)
+    elif missing:
+        clip.remark_on_missing(remarks, path, missing, len(made))
+    else:
+        remarks.add("guide-complete", name=path, frames=counted(len(made), "frame"))
+    return remarks

@@ -237,10 +237,7 @@ class Interpolator(Checked):
         check_values(image1, "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
-        if guides is not None:
-            for guide in guides:
-                check_guide_size("A guide", guide.shape[:2], image0.shape[:2])
-            pair.image0.guide, pair.image1.guide = key_guides or (None, None)
+        pair.image0.guide, pair.image1.guide = key_guides or (None, None)
         made = interpolator.images(pair, times, guides=guides)
         arrays = [view(image).array() for image, _ in made]
         if any(0 < t < 1 for t in times) and pair.is_cut:
@@ -392,6 +389,7 @@ class Interpolator(Checked):
 
 def _guided(pair: Pair, made: InterpolatedImage, picture: FrameImage, t: float | Fraction) -> InterpolatedImage:
     """Return an image as its guide shows it, and keep what the guide tells with the pair."""
+    check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
     is_damaged = pair.image0.guide is pair.image0.image  # as is a frame that guides its own repair
     guide = Guide(picture, pair.image0.guide, pair.image1.guide, is_damaged)
     guided = follow_guide(pair.image0, pair.image1, made, guide, float(t))

@@ -25,7 +25,7 @@ from fpsboost.io.animation.writers import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import is_pattern
-from fpsboost.io.opening import PIPES, Target, check_images, open_source
+from fpsboost.io.opening import PIPES, Target, TargetRequirements, check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -47,7 +47,6 @@ from fpsboost.timing.schedule import Schedule, count_frames
 OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 FALLBACK_SUFFIX = ".mkv"
 """Suffix of the output if the input's cannot be written; Matroska holds every kind of audio and subtitles."""
-
 
 ENCODER_BYTES_PER_PIXEL = 270
 """Bytes of memory that an encoder takes for a pixel; measured: 255 with libx264, which looks 40 frames ahead."""
@@ -85,9 +84,8 @@ class ConversionJob(Checked):
 
 def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
     """Return the memory that a conversion may take, and what it takes for a pixel, by its method and output."""
-    kind = Target.parse(job.output or "images/").kind
     each = BYTES_PER_PIXEL_OF.get(type(job.method.estimator), BYTES_PER_PIXEL)
-    if kind == "video":
+    if Target.parse(job.output or "images/").kind == "video":
         each += ENCODER_BYTES_PER_PIXEL
     return replace(run.limit or MemoryLimit(), bytes_per_pixel=each)
 
@@ -183,7 +181,11 @@ class Preparation:
     @property
     def guided(self) -> GuidedClip:
         """What a guide must agree with."""
-        return GuidedClip.of(self.clip, self.schedule, self.output, linear=self.interpolator.takes_layers)
+        clip = self.clip
+        target = clip.target
+        linear = self.interpolator.takes_layers
+        needs = TargetRequirements(pictures_alone=not target.has_clock, upright=target.has_rate, linear=linear)
+        return GuidedClip(clip.source, clip.whole.stream_info, self.schedule, self.output.factor, needs)
 
 
 @contextmanager
@@ -217,9 +219,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         schedule = timing.schedule(info, has_clock=target.has_clock, curve=clip.curve)
         remarks.add("rate-lowered", name=target.path, rate=most, file_type=target.file_type)
     multiple = schedule.rate(info.rate) / info.rate
-    keeps_numbers = (
-        images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
-    )
+    has_room = images is not None and images.numbers_for(multiple) is not None
+    keeps_numbers = has_room and not target.has_rate and clip.curve is None
     # an image that repeats another is none that is missing
     keeps_all = timing.fill_gaps or keeps_numbers or timing.keeps_frames or interpolator.needs_every_frame
     interpolates = timing.duplicates == "interpolate" and timing.replace is None and not keeps_all
@@ -254,9 +255,8 @@ def closing_remarks(ready: Preparation, summary: Summary) -> Remarks:
     remarks = Remarks([*ready.remarks, *ready.job.timing.remarks(info, ready.schedule, summary.frame_intervals)])
     if images is not None and images.step > 1 and ready.target.has_rate:
         remarks.add("input-fps-of-steps", name=info.name, step=images.step)
-    guide = ready.job.decoding.guide
-    if guide is not None:
-        remarks.take(ready.guided.remarks(os.fspath(guide), summary))
+    if summary.guided_frames or summary.guides_missing:
+        remarks.take(ready.guided.remarks(ready.job.decoding.guide, summary))
     return remarks
 
 

@@ -253,7 +253,7 @@ def probe(
         )
 
 
-def probe_guide(path: str, decoding: DecodeOptions) -> tuple[str, Remarks]:
+def probe_guide(path: str, decoding: DecodeOptions) -> Remarks:
     """Return what a conversion with the default options would find in a guide; see `fpsboost.guides.coverage`."""
     with prepared(ConversionJob(path, None, Timing(), methods["nlm"], decoding), RunOptions()) as ready:
-        return coverage(decoding, ready.guided)
+        return coverage(decoding, ready.guided).expected

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.contracts import Entry, FrameSource, HasPositions, OutputRange, SourceMoment, Summary
@@ -33,8 +33,8 @@ def positions_of(source: FrameSource) -> Callable[[int, Fraction], SourcePositio
 class FramePlace(NamedTuple):
     """Where a frame is among the output frames and in time, by which its guide is found."""
 
-    number: Fraction | None
-    """Position among the output frames, counted from 0; None if that is not known."""
+    number: Fraction
+    """Position among the output frames, counted from 0."""
     seconds: Fraction
     """Time on the source's clock, seconds after the clip's first frame."""
     interval: Fraction
@@ -43,11 +43,9 @@ class FramePlace(NamedTuple):
     """The source's own frame of that time, if there is one."""
 
 
-class Guides(Protocol):
-    """Contract: pictures of frames that are to be made, and of those around them; see `fpsboost.synthesis.guided`."""
-
-    def picture(self, place: FramePlace) -> FrameImage | None:
-        """Return the picture of a frame; None if there is none. Frames are asked for in order."""
+Guides = Callable[[FramePlace], FrameImage | None]
+"""Function that gives the guide of a frame that is made, or of one around it, if there is one; see
+`fpsboost.synthesis.guided`. It is called for frames in order."""
 
 
 class ScheduledFrame(NamedTuple):
@@ -152,8 +150,8 @@ class TimelineOptions:
         are always kept, as are all frames where motion comes from a renderer's vectors.
     replacement : Replacement or None
         Frames that are replaced because they are damaged; duplicates are then kept.
-    guides : Guides or None
-        Guides of the frames that are made.
+    guides : callable or None
+        Guides of the frames that are made; see `Guides`.
     """
 
     stretch: Fraction = Fraction(1)
@@ -253,10 +251,7 @@ class Timeline:
         for source, after in pairwise([*group, following]):
             for step in self.schedule.steps(self.index, self.start, source.time, after.time):
                 nearest = min(shown, key=lambda each, time=step.time: abs(each.time - time))  # type: ignore[misc]
-                each = self._scheduled(step, source, nearest)
-                if each.is_missing and (step.t > 0 or source is not group[0]):
-                    each = each._replace(guide=self._guide(Fraction(each.number), step.time, source))
-                scheduled.append(each)
+                scheduled.append(self._scheduled(step, source, nearest))
             self.index += 1
         duration = following.time - group[0].time
         apart = following.time - shown[-2].time
@@ -268,19 +263,20 @@ class Timeline:
 
     def _give_guide(self, source: SourceFrame) -> None:
         """Give a frame of the source its own guide; must be called in order."""
-        # with a curve, its position is only that of the next output frame
-        source.guide = self._guide(source.output_position if self.curve is None else None, source.time, source)
+        position = source.output_position or Fraction(0)
+        # with a curve, it lies before the output frame of that position
+        source.guide = self._guide(position if self.curve is None else position - Fraction(1, 2), source.time, source)
 
-    def _guide(self, number: Fraction | None, time: Fraction, source: SourceFrame) -> FrameImage | None:
+    def _guide(self, number: Fraction, time: Fraction, source: SourceFrame) -> FrameImage | None:
         """Return the guide of a frame at a time, and at or behind a frame of the source; must be called in order."""
         guides = self.options.guides
         if guides is None:
             return None
         interval = 1 / self.schedule.rate(self.info.rate)
-        if self.curve is not None and number is not None:
+        if self.curve is not None:
             interval = self.curve.source((number + 1) * interval) - self.curve.source(number * interval)
         seconds = self.position_of(0, Fraction(0)).seconds + time - self.start
-        return guides.picture(FramePlace(number, seconds, interval, source if source.time == time else None))
+        return guides(FramePlace(number, seconds, interval, source if source.time == time else None))
 
     def _scheduled(self, step: Step, source: SourceFrame, nearest: SourceFrame) -> ScheduledFrame:
         """Return the output frame of a step; must be called in order."""
@@ -293,7 +289,8 @@ class Timeline:
             if number in (self.outputs.first, self.outputs.stop):
                 self.summary.boundaries[number] = SourceMoment(self.place(source), source.time)
         is_missing = number in self.outputs and number >= self.outputs.first + self.outputs.skip
-        return ScheduledFrame(number, step, self._shown(number, step.time), source, nearest, is_missing)
+        guide = self._guide(Fraction(number), step.time, source) if is_missing else None
+        return ScheduledFrame(number, step, self._shown(number, step.time), source, nearest, is_missing, guide)
 
     def last_outputs(self, *, holds_last_frame: bool) -> Iterator[ScheduledFrame]:
         """Yield the output frames from the last frame of the source on; one, or all while it is shown if it is held.

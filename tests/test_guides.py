@@ -4,7 +4,6 @@ The synthesis is replaced by one that shows the levels of the guides that it get
 """
 
 import json
-import re
 import shutil
 from fractions import Fraction
 from pathlib import Path
@@ -16,9 +15,12 @@ import numpy as np
 import pytest
 
 from fpsboost import (
+    ConversionJob,
     DecodeOptions,
     InputError,
     OptionError,
+    RunOptions,
+    Timing,
     Trim,
     convert,
     interpolate,
@@ -29,7 +31,9 @@ from fpsboost import (
 )
 from fpsboost.evaluation.compared_methods import ComparedInterpolator
 from fpsboost.evaluation.hidden_frames import HoldOut
+from fpsboost.guides import coverage
 from fpsboost.parts.manifest import fingerprint_options
+from fpsboost.preparation import prepared
 from fpsboost.run_options import Part
 from fpsboost.synthesis.guided import GuidedImage
 from support.command_line import assert_refused
@@ -316,14 +320,10 @@ def test_streams_have_a_guide_for_every_frame(guide):
     assert made[::2] == [(20, 20, 20), (40, 40, 40), (60, 60, 60)]
 
 
-def test_streams_of_files_have_guides_of_files(tmp_path):
-    """By the rules of conversions, and with their refusals."""
-    clip = save(tmp_path / "r", {1: 20, 3: 40, 5: 60})
-    guide = save(tmp_path / "g", dict(zip(range(1, 7), range(100, 106), strict=True)))
-    made = [tuple(map(int, frame[0, 0])) for frame in stream(clip, duplicates="keep", guide=guide)]
-    assert made[1:4:2] == FOLLOWED
-    with pytest.raises(OptionError, match="`guide='own'` needs `replace`"):
-        list(stream(clip, guide="own"))
+def test_streams_take_pictures_and_no_path():
+    """Which is for conversions of files."""
+    with pytest.raises(OptionError, match="`guide` must be a sequence, not 'cheap'"):
+        list(stream(FRAMES, guide="cheap"))
 
 
 def test_whole_clips_have_a_guide_for_every_frame():
@@ -333,7 +333,7 @@ def test_whole_clips_have_a_guide_for_every_frame():
     assert [tuple(map(int, frame[0, 0, ::-1])) for frame in made[1:4:2]] == FOLLOWED
     with pytest.raises(OptionError, match="`guide` and `loop` cannot be combined"):
         interpolate_clip(frames, fps=24, loop=True, guides=cheap)
-    with pytest.raises(InputError, match="`guide` has 32x32 pixels, and the frames have 64x48, another shape"):
+    with pytest.raises(InputError, match="A guide has 32x32 pixels, and the frames have 64x48, another shape"):
         interpolate_clip(frames, fps=24, guides=np.zeros((6, 32, 32, 3), np.uint8))
 
 
@@ -360,14 +360,29 @@ def test_it_is_known_beforehand_which_frames_have_a_guide(tmp_path, fpsboost_):
         tried = fpsboost_(input, f"{out}/", "--guide", cheap, *options, "--dry-run")
         probed = fpsboost_("probe", input, "--guide", cheap, *options, "--json")
         summary = convert(input, out, guide=cheap, guide_offset=float(bool(options)) / 10, duplicates="keep")
-        without = len(summary.guides_missing)
-        found = f"{summary.guided_frames} of the {summary.guided_frames + without} frames to be made"
-        assert re.search(f"^guide +{found}", tried.out, re.MULTILINE)
-        data = json.loads(probed.out)
-        assert data["guide"] == found
-        (told,) = [each for each in data["remarks"] if each["kind"] == "guide-missing"]
+        missing = len(summary.guides_missing)
+        found = f"has no picture of {missing} of the {summary.guided_frames + missing} frames that are made"
+        assert found in tried.out
+        (told,) = [each for each in json.loads(probed.out)["remarks"] if each["kind"] == "guide-missing"]
+        assert found in told["sentence"]
         assert told["values"] == dict(remark(summary, "guide-missing").values)
         shutil.rmtree(out)
+
+
+def test_it_is_known_beforehand_that_every_frame_has_a_guide(tmp_path, fpsboost_):
+    """A dry run and a probe say so; where only decoding tells, that is said."""
+    images = save(tmp_path / "r", RENDERED)
+    guide = save(tmp_path / "g", {n: n for n in range(1, 10)})
+    for command in (["probe", images], [images, f"{tmp_path}/out/", "--dry-run"]):
+        told = " ".join(fpsboost_(*command, "--guide", guide).out.split())
+        assert "has a picture of each of the 6 frames to be made" in told
+    clip = flat_clip(tmp_path / "in.mkv", [20, 40, 60, 80])
+    proxy = flat_clip(tmp_path / "proxy.mkv", [20, 40, 60, 80])
+    decoding = DecodeOptions(decoder="opencv", guide=str(proxy))
+    with prepared(
+        ConversionJob(str(clip), f"{tmp_path}/out/", Timing(), methods["nlm"], decoding), RunOptions()
+    ) as ready:
+        assert [each.kind for each in coverage(decoding, ready.guided)] == ["guide-unread"]
 
 
 def test_long_lists_of_frames_are_shortened(tmp_path):

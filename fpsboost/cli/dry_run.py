@@ -52,9 +52,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         coding, remarks = ready.expected_losses()
-        has_guide = job.decoding.guide is not None
-        guided, missing = coverage(job.decoding, ready.guided) if has_guide else ("", ())
-        remarks.take(missing)
+        remarks.take(coverage(job.decoding, ready.guided).expected)
         source = ready.clip.source.info
         output = ready.output
         is_images = ready.target.kind == "images"
@@ -78,8 +76,6 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         "keeps": ", ".join(kept) or "pictures alone",
         "takes": "not estimated, as the clip is too short for a trial",
     }
-    if guided:
-        rows["guide"] = guided
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
     if length >= SHORTEST:
         with reading.status("trying passages"):

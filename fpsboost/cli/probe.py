@@ -63,12 +63,12 @@ def probe(
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):
         result = run(input, rate, stream, allow_playlists=allow_playlists)
-        decoding = DecodeOptions(input_fps=rate, stream=stream, guide=guide, guide_offset=guide_offset)
-        guided, missing = ("", ()) if guide is None else probe_guide(input, decoding)
-    result.remarks.take(missing)
+        if guide is not None:
+            decoding = DecodeOptions(input_fps=rate, stream=stream, guide=guide, guide_offset=guide_offset)
+            result.remarks.take(probe_guide(input, decoding))
     if json:
         refused = result.conversion.refused
-        values = asdict(result) | ({"guide": guided} if guided else {})
+        values = asdict(result)
         values["remarks"] = as_objects(result.remarks)
         values["conversion"]["remarks"] = as_objects(result.conversion.remarks)
         values["conversion"]["refused"] = refused and in_flags(refused)
@@ -79,8 +79,7 @@ def probe(
     console.print(f"[bold]{literal(result.name)}[/]")
     if result.streams:
         console.print(stream_table(result.streams))
-    lines = facts(result) | ({"guide": guided} if guided else {})
-    console.print(fact_table({name: sentence(value) for name, value in lines.items()}))
+    console.print(fact_table({name: sentence(value) for name, value in facts(result).items()}))
     for remark in [*result.remarks, *result.conversion.remarks]:
         console.print(f"[yellow]Note:[/] {sentence(remark)}")
 

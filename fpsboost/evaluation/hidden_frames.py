@@ -6,7 +6,6 @@ they are grouped with the first of their kind, and stills do not count.
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
@@ -22,7 +21,6 @@ from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.guides import GuidedClip, opened_guides
 from fpsboost.image import Image
-from fpsboost.io import DescribedSource
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
@@ -187,19 +185,21 @@ class HoldOut(Checked):
         count = repeats = 0
         with (
             open_source(path, requirements=requirements, decoding=self.decoding) as whole,
-            self._opened_guides(whole, requirements) as guides,
+            opened_guides(
+                self.decoding,
+                GuidedClip(whole, whole.stream_info, ByFactor(Fraction(1)), Fraction(1), requirements),
+            ) as guides,
         ):
             info = whole.info
             clock = ByRate.forgiving(2 * info.rate, info.rate, info.time_base)  # as in a conversion to twice the rate
             source, _ = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
             row: list[_Truth] = []
-            for truth in self._truths(self._shown(source, clock, path)):
+            for truth in self._truths(self._shown(source, clock, path, guides)):
                 row.append(truth)
                 repeats += len(truth.repeats)
                 if len(row) == self.skip + 2:
                     count += 1
-                    interval = _interval(row, clock)
-                    yield interval if guides is None else _with_guides(interval, guides, 1 / info.rate)
+                    yield _interval(row, clock)
                     row = row[-1:]
         if not count:
             beside = f" beside the {repeats} that repeat another (`duplicates='keep'` takes them too)"
@@ -208,20 +208,8 @@ class HoldOut(Checked):
                 f"{self.skip + 2} are needed in the range{beside if repeats else ''}."
             )
 
-    def _opened_guides(
-        self, clip: DescribedSource, requirements: TargetRequirements
-    ) -> AbstractContextManager[Guides | None]:
-        """Open the guides of a clip's frames, which have the numbers or the times of these; None without."""
-        if self.decoding.guide is None:
-            return nullcontext()
-        images = clip.stream_info.images
-        numbers = (0, 1) if images is None else (images.first_number, images.step)
-        frames = clip.info.frame_count
-        whole = GuidedClip(clip, clip.stream_info, ByFactor(Fraction(1)), requirements, frames, numbers)
-        return opened_guides(self.decoding, whole)
-
-    def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
-        """Yield the frames of the range, at the times that a conversion gives them."""
+    def _shown(self, source: FrameSource, clock: ByRate, path: str, guides: Guides | None) -> Iterator[SourceFrame]:
+        """Yield the frames of the range, at the times that a conversion gives them, with their guides."""
         start = Fraction(0)
         last: Fraction | None = None
         for number, frame in islice(enumerate(source), self.last):
@@ -238,7 +226,11 @@ class HoldOut(Checked):
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                yield SourceFrame(replace(frame, time=time), source_position=position)
+                shown = SourceFrame(replace(frame, time=time), source_position=position)
+                if guides is not None:  # which have the numbers or the times of the clip's own frames
+                    place = FramePlace(Fraction(position.number), position.seconds, 1 / source.info.rate, None)
+                    shown.guide = guides(place)
+                yield shown
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
         """Yield the frames with their repeats, grouped or kept."""
@@ -267,7 +259,8 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         t = (truth.source.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
         position = truth.source.position
-        hidden.append(HeldOutFrame(position.number, even if is_even else t, truth.source.frame.array, position))
+        t = even if is_even else t
+        hidden.append(HeldOutFrame(position.number, t, truth.source.frame.array, position, truth.source.guide))
     repeats = [number for truth in row[:-1] for number in truth.repeats]
     repeats += [truth.source.position.number for truth in row[1:] if truth.is_repeat]
     is_known = (
@@ -283,18 +276,8 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         tuple(hidden),
         tuple(sorted(repeats)),
         is_known,
+        (before.source.guide, after.source.guide),
     )
-
-
-def _with_guides(interval: Interval, guides: Guides, duration: Fraction) -> Interval:
-    """Return an interval with the guides of its frames, which last so many seconds each; must be called in order."""
-
-    def guide(position: SourcePosition) -> FrameImage | None:
-        return guides.picture(FramePlace(Fraction(position.number), position.seconds, duration, None))
-
-    first = guide(interval.begin)
-    hidden = tuple(each._replace(guide=guide(each.source_position)) for each in interval.hidden)
-    return interval._replace(hidden=hidden, key_guides=(first, guide(interval.end)))
 
 
 class Sample(NamedTuple):
