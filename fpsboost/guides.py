@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain, pairwise
 from pathlib import Path
 
 from fpsboost.contracts import RandomAccess, Summary
@@ -31,7 +30,7 @@ from fpsboost.media import counted
 from fpsboost.options import PathName
 from fpsboost.remarks import Remarks
 from fpsboost.synthesis.guided import describe_findings
-from fpsboost.timeline import FramePlace, Guides, positions_of
+from fpsboost.timeline import FramePlace, Guides
 from fpsboost.timing.position import as_ranges
 from fpsboost.timing.schedule import Schedule, count_frames
 
@@ -66,33 +65,17 @@ class GuidedClip:
         first, step = (0, 1) if images is None else images.output_numbers(self.factor)
         return [first + step * frame for frame in frames]
 
-    def made(self) -> list[FramePlace]:
-        """Return the places of the frames that are made; none if only decoding tells."""
-        times = self.source.frame_times() or [Fraction(0)]
-        start = times[0]
-        shown = [self.schedule.presentation_time(start, time) for time in times]
-        steps = (self.schedule.steps(k, start, *pair) for k, pair in enumerate(pairwise(shown)))
-        offset = positions_of(self.source)(0, Fraction(0)).seconds - start
-        interval = 1 / self.schedule.rate(self.source.info.rate)
-        return [
-            FramePlace(Fraction(number), offset + step.time, interval, None)
-            for number, step in enumerate(chain.from_iterable(steps))
-            if step.t > 0
-        ]
-
-    def remark_on_missing(self, remarks: Remarks, guide: PathName | None, missing: Sequence[int], made: int) -> None:
-        """Add the remark that some output frames, of so many that are made, have no guide, if there are some."""
-        if missing and guide != OWN:
-            ranges = as_ranges(self.numbered(missing)).split(", ")
-            numbers = ", ".join(ranges[:MOST_LISTED]) + ", ..." * (len(ranges) > MOST_LISTED)
-            remarks.add("guide-missing", name=guide, missing=len(missing), frames=made, numbers=numbers)
-
     def remarks(self, guide: PathName | None, summary: Summary) -> Remarks:
         """Return the remarks on a conversion with a guide."""
         remarks = Remarks()
+        missing = summary.guides_missing
         count = summary.guided_frames
-        self.remark_on_missing(remarks, guide, summary.guides_missing, count + len(summary.guides_missing))
-        if count:
+        if missing and guide != OWN:
+            ranges = as_ranges(self.numbered(missing)).split(", ")
+            numbers = ", ".join(ranges[:MOST_LISTED]) + ", ..." * (len(ranges) > MOST_LISTED)
+            made = count + len(missing)
+            remarks.add("guide-missing", name=guide, missing=len(missing), frames=made, numbers=numbers)
+        if summary.guide_figures:
             found = describe_findings({name: figure / count for name, figure in summary.guide_figures.items()})
             remarks.add("guide-followed", name=guide, frames=counted(count, "frame"), found=found)
         return remarks
@@ -107,9 +90,10 @@ class PlacedGuides:
     """Time in the source, after its first frame, of output frame 0, or of the clip's first frame."""
     step: int | None = 1
     """Seconds of the source from an output frame to the next; None if guides go by time."""
+    frames: Iterator[Frame] | None = None
+    """Frames of the source, with times after the first one; by default read when the first is asked for."""
 
     def __post_init__(self) -> None:
-        self._arriving: Iterator[Frame] = iter(())
         self._nearest: Frame | None = None
         self._following: Frame | None = None
 
@@ -119,29 +103,16 @@ class PlacedGuides:
             return place.seconds + self.offset, place.interval * TOLERANCE
         return place.number * self.step + self.offset, Fraction(0)
 
-    def missing(self, places: Iterable[FramePlace]) -> list[int] | None:
-        """Return the numbers of those frames that have no guide; None if only decoding tells."""
-        times = self.source.frame_times()
-        if times is None:
-            return None
-        there = [time - times[0] for time in times]
-        missing = list[int]()
-        for place in places:
-            at, tolerance = self._wanted(place)
-            if bisect_left(there, at - tolerance) == bisect_right(there, at + tolerance):
-                missing.append(int(place.number))
-        return missing
-
     def picture(self, place: FramePlace) -> FrameImage | None:
         """Return the picture that is nearest to a frame; see `fpsboost.timeline.Guides`."""
         at, tolerance = self._wanted(place)
+        self.frames = self.frames or self._read_from(at)
         if self._nearest is None:
-            self._arriving = self._read_from(at)
-            self._nearest = next(self._arriving)
-            self._following = next(self._arriving, None)
+            self._nearest = next(self.frames)
+            self._following = next(self.frames, None)
         while self._following is not None and abs(self._following.time - at) < abs(self._nearest.time - at):
             self._nearest = self._following
-            self._following = next(self._arriving, None)
+            self._following = next(self.frames, None)
         return self._nearest.image if abs(self._nearest.time - at) <= tolerance else None
 
     def _read_from(self, at: Fraction) -> Iterator[Frame]:
@@ -232,32 +203,10 @@ def _check_overlap(path: str, guides: PlacedGuides, clip: GuidedClip) -> None:
     frames = count_frames(clip.schedule, info, holds_last_frame=False)
     end = info.duration if guides.step is None else frames and frames * guides.step
     length = guides.source.info.duration
-    if (end is None or -guides.offset < end) and (length is None or guides.offset < length):
+    if (end is None or guides.offset > -end) and (length is None or guides.offset < length):
         return
-    images = guides.source.stream_info.images
-    if images is None:
-        begin = f"{-float(guides.offset):.3f} s"
-        raise InputError(f"{path} begins {begin} after the clip and shows none of it; correct `guide_offset`.")
-    first, *_, last = clip.numbered(range(frames or 1))
-    raise InputError(
-        f"{path} has the numbers {as_ranges(images.numbers)}, and the output has {first} to {last}; number the guides "
-        "like that."
-    )
-
-
-def coverage(decoding: DecodeOptions, clip: GuidedClip) -> Remarks:
-    """Return a remark on which frames have a picture in the guide that options name; none if they name no clip."""
-    remarks = Remarks()
-    if decoding.guide is None or decoding.guide == OWN:
-        return remarks
-    path = os.fspath(decoding.guide)
-    with placed_guides(path, decoding, clip) as guides:
-        made = clip.made()
-        missing = guides.missing(made)
-    if missing is None or not made:
-        remarks.add("guide-unread", name=path)
-    elif missing:
-        clip.remark_on_missing(remarks, path, missing, len(made))
-    else:
-        remarks.add("guide-complete", name=path, frames=counted(len(made), "frame"))
-    return remarks
+    cure = "correct `guide_offset`"
+    if guides.step is not None:
+        first, last = clip.numbered([0, (frames or 1) - 1])
+        cure = f"number the guides {first} to {last}, like the output"
+    raise InputError(f"{path} shows none of the frames that are made; {cure}.")

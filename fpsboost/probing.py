@@ -1,34 +1,37 @@
 """Properties of a clip, and of a conversion of it with the default options, as plain data."""
 
+import os
 import statistics
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame, detector_of
-from fpsboost.contracts import FrameSource
+from fpsboost.contracts import FrameSource, OutputRange, Summary
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.guides import coverage
+from fpsboost.guides import placed_guides
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
-from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
+from fpsboost.io.video.decode_options import OWN, DecodeOptions, SizeChange
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import Look, OutputTiming, StreamFacts, look_of, try_out
+from fpsboost.media import Look, OutputTiming, StreamFacts, counted, look_of, try_out
 from fpsboost.method_table import methods
 from fpsboost.options import AnyDuplicates
 from fpsboost.pair import Pair, with_neighbours
-from fpsboost.preparation import ConversionJob, prepared
+from fpsboost.preparation import ConversionJob, Preparation, prepared
 from fpsboost.remarks import Remarks
 from fpsboost.repair import find_damaged
 from fpsboost.run_options import RunOptions
-from fpsboost.timeline import positions_of
+from fpsboost.timeline import Timeline, positions_of
 from fpsboost.timing.options import Timing
 from fpsboost.timing.schedule import count_frames
 
@@ -254,6 +257,37 @@ def probe(
 
 
 def probe_guide(path: str, decoding: DecodeOptions) -> Remarks:
-    """Return what a conversion with the default options would find in a guide; see `fpsboost.guides.coverage`."""
+    """Return what a conversion with the default options would find in a guide; see `find_guides`."""
     with prepared(ConversionJob(path, None, Timing(), methods["nlm"], decoding), RunOptions()) as ready:
-        return coverage(decoding, ready.guided).expected
+        return find_guides(ready)
+
+
+def find_guides(ready: Preparation) -> Remarks:
+    """Return remarks on which frames a conversion will make with a guide and without, as far as files tell it."""
+    decoding = ready.job.decoding
+    remarks = Remarks()
+    if decoding.guide is None or decoding.guide == OWN:
+        return remarks
+    source = ready.clip.source
+    path = os.fspath(decoding.guide)
+    with placed_guides(path, decoding, ready.guided) as guides:
+        times = source.frame_times()
+        times_of_guide = guides.source.frame_times()
+    if not (times and times_of_guide):
+        remarks.add("guide-unread", name=path)
+        return remarks
+    guides.frames = _without_pictures(times_of_guide)
+    options = replace(ready.timeline, duplicates=None, guides=guides.picture)
+    timeline = Timeline(source, ready.schedule, ready.interpolator, Summary(), OutputRange(), options)
+    intervals = timeline.intervals(_without_pictures(times))
+    made = [output for interval in intervals for output in interval.interpolated]
+    missing = [output.number for output in made if output.guide is None]
+    remarks = ready.guided.remarks(path, Summary(guided_frames=len(made) - len(missing), guides_missing=missing))
+    if not missing:
+        remarks.add("guide-complete", name=path, frames=counted(len(made), "frame"))
+    return remarks.expected
+
+
+def _without_pictures(times: Sequence[Fraction]) -> Iterator[Frame]:
+    """Yield frames of one pixel with the times of others, from the first one on."""
+    return (Frame(np.zeros((1, 1, 3), np.uint8), time - times[0], Fraction(0)) for time in times)

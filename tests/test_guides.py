@@ -31,9 +31,9 @@ from fpsboost import (
 )
 from fpsboost.evaluation.compared_methods import ComparedInterpolator
 from fpsboost.evaluation.hidden_frames import HoldOut
-from fpsboost.guides import coverage
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.preparation import prepared
+from fpsboost.probing import find_guides
 from fpsboost.run_options import Part
 from fpsboost.synthesis.guided import GuidedImage
 from support.command_line import assert_refused
@@ -272,7 +272,10 @@ def exr_of(layer: str, folder: Path) -> str:
         (lambda folder: str(folder / "r"), "is the input itself; name a cheap clip"),
         (lambda folder: "-", "is read beside the input, which a pipe does not allow; name a file or a folder"),
         (lambda folder: str(folder / "nowhere"), "nowhere does not exist; check the name"),
-        (lambda folder: save(folder / "g", {12: 9, 13: 9}), "has the numbers 12-13, and the output has 1 to 9; number"),
+        (
+            lambda folder: save(folder / "g", {12: 9, 13: 9}),
+            "g shows none of the frames that are made; number the guides 1 to 9, like",
+        ),
         (lambda folder: save(folder / "Depth", {2: 9}), "holds depth, and a guide is a picture of the frame; render"),
         (lambda folder: save(folder / "a.albedo", {2: 9}), "holds albedo, and a guide is a picture"),
         (lambda folder: exr_of("View.Normal", folder / "g"), "holds normal, and a guide is a picture"),
@@ -296,10 +299,10 @@ def test_images_without_numbers_are_no_guide_of_images(tmp_path):
 
 
 def test_a_guide_that_ends_before_the_clip_is_refused(tmp_path):
-    """Its time in the clip is named, with the option that moves it; where it goes by numbers, there is no such."""
+    """The option that moves it is named; where it goes by numbers, there is no such."""
     clip = flat_clip(tmp_path / "in.mkv", [20, 40, 60])
     guide = flat_clip(tmp_path / "g.mkv", [1, 2, 3])
-    with pytest.raises(InputError, match=r"begins -7.000 s after the clip and shows none of it; correct `guide_off"):
+    with pytest.raises(InputError, match="mkv shows none of the frames that are made; correct `guide_offset`"):
         convert(clip, tmp_path / "out", guide=guide, guide_offset=7)
     images = save(tmp_path / "r", RENDERED)
     cheap = save(tmp_path / "g", {2: 2})
@@ -382,7 +385,7 @@ def test_it_is_known_beforehand_that_every_frame_has_a_guide(tmp_path, fpsboost_
     with prepared(
         ConversionJob(str(clip), f"{tmp_path}/out/", Timing(), methods["nlm"], decoding), RunOptions()
     ) as ready:
-        assert [each.kind for each in coverage(decoding, ready.guided)] == ["guide-unread"]
+        assert [each.kind for each in find_guides(ready)] == ["guide-unread"]
 
 
 def test_long_lists_of_frames_are_shortened(tmp_path):

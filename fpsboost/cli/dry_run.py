@@ -13,12 +13,12 @@ from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
-from fpsboost.guides import coverage
 from fpsboost.io.opening import PIPES
 from fpsboost.media import counted
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
+from fpsboost.probing import find_guides
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.options import Timing, readable
 from fpsboost.timing.position import Position, format_time
@@ -52,7 +52,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         coding, remarks = ready.expected_losses()
-        remarks.take(coverage(job.decoding, ready.guided).expected)
+        remarks.take(find_guides(ready))
         source = ready.clip.source.info
         output = ready.output
         is_images = ready.target.kind == "images"
