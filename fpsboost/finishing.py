@@ -63,8 +63,9 @@ def _overlay(pair: Pair) -> np.ndarray | None:
     # a change of all light changes overlays, too
     if not (pair.before or pair.after) or not (illumination is None or illumination.is_local):
         return None
-    first = (pair.before or pair).image0
-    return find_overlay(pair.image0, pair.image1, first, (pair.after or pair).image1, pair.fields[0])
+    return find_overlay(
+        pair.image0, pair.image1, (pair.before or pair).image0, (pair.after or pair).image1, pair.fields[0]
+    )
 
 
 def measure_uncertainty(confidence: np.ndarray, below: float, uncertain: Uncertain) -> np.ndarray:

@@ -77,3 +77,7 @@ STATIC = 1
 
 STATIC_CONTRAST = 2
 """Mark of such a pixel that would be different if it had moved."""
+
+MOVING_SHARE = 0.8
+"""Share of the pixels that would be an overlay, in a block and those around it, above which they are none if they
+follow the motion of their own points. Around letters, a part of them does by chance."""

@@ -19,6 +19,8 @@ def mark_overlay(
     frames: FourFrames,
     motion: Annotated[Array, "float32 (rows >= -(-height // spacing), columns >= -(-width // spacing), 2)"],
     spacing: int,
+    points: Annotated[Array, "float32 (down >= -(-height // point_spacing), across >= -(-width // point_spacing), 2)"],
+    point_spacing: int,
     shortest: Float,
     same: int,
     different: int,
@@ -28,8 +30,10 @@ def mark_overlay(
     """Find the pixels that stay the same although their surroundings move.
 
     - `motion`: of the surroundings of each block of `spacing` pixels, to frame 1
-    - `shortest`: motion below which the surroundings count as static, pixels
+    - `points`: motion of the points themselves, of which each has `point_spacing` pixels along x and y, to frame 1
+    - `shortest`: motion below which surroundings and points count as static, pixels
     - `same`, `different`: difference in code values up to which a pixel is the same, and above which it is different
     - `marks`: out: STATIC where a pixel stays the same, STATIC_CONTRAST where it would also be different if it had
-      moved, else 0
+      moved, else 0; no pixel of a block has STATIC_CONTRAST if of those that would, in it and in the blocks around it,
+      more than MOVING_SHARE are seen where their point moves to
     """

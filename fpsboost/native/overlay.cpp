@@ -76,6 +76,53 @@ void mark_changes(const T *smallest, T different, Int left, Int right, uint8_t *
     row[x] = smallest[x] > different && row[x] == STATIC ? uint8_t(STATIC_CONTRAST) : row[x];
 }
 
+// Whether a pixel is seen in image1 where the motion of its point leads to; no pixel moves with a point that is static.
+template <typename T>
+bool follows_point(const Pictures<T> &pictures, Int y, Int x, const BlockMotion &motion, T different) {
+  const Int to_y = y + motion.dy, to_x = x + motion.dx;
+  if (motion.still || to_y < 0 || to_y >= pictures.image1.shape[0] || to_x < 0 || to_x >= pictures.image1.shape[1])
+    return false;
+  return difference(pictures.image1(to_y, to_x), pictures.image0(y, x)) <= different;
+}
+
+struct BlockCounts {  // of pixels that have STATIC_CONTRAST, and of those among them that follow their points
+  Int marked, moving;
+};
+
+template <typename T>
+BlockCounts count_block(const Pictures<T> &pictures, Int top, Int left, Int bottom, Int right, const MarkOverlay &args,
+                        const View<uint8_t, 2> &marks) {
+  const View<const float, 3> points(args.points);
+  BlockCounts counts = {0, 0};
+  for (Int y = top; y < bottom; y++)
+    for (Int x = left; x < right; x++)
+      if (marks(y, x) == STATIC_CONTRAST) {
+        const float *vector = points.ptr(y / args.point_spacing, x / args.point_spacing);
+        counts.marked++;
+        counts.moving += follows_point(pictures, y, x, motion_of_block(vector, args.shortest), T(args.different));
+      }
+  return counts;
+}
+
+// Writes STATIC in place of STATIC_CONTRAST in blocks around which nearly all such pixels follow their own points: what
+// moves otherwise than its surroundings, such as one of many slats, may look alike in all frames by chance.
+void unmark_moving(const View<BlockCounts, 2> &counts, Int spacing, const View<uint8_t, 2> &marks) {
+  const Int rows = counts.shape[0], columns = counts.shape[1];
+  for (Int row = 0; row < rows; row++)
+    for (Int column = 0; column < columns; column++) {
+      BlockCounts around = {0, 0};
+      for (Int j = max(row - 1, Int(0)); j < min(row + 2, rows); j++)
+        for (Int i = max(column - 1, Int(0)); i < min(column + 2, columns); i++) {
+          around.marked += counts(j, i).marked;
+          around.moving += counts(j, i).moving;
+        }
+      if (float(around.moving) <= MOVING_SHARE * float(around.marked)) continue;
+      const Int bottom = min((row + 1) * spacing, marks.shape[0]), right = min((column + 1) * spacing, marks.shape[1]);
+      for (Int y = row * spacing; y < bottom; y++)
+        for (Int x = column * spacing; x < right; x++) marks(y, x) = min(marks(y, x), uint8_t(STATIC));
+    }
+}
+
 template <typename T> Int mark(const MarkOverlay &args) {
   const Pictures<T> pictures(args.frames);
   const View<const float, 3> motion(args.motion);
@@ -84,6 +131,10 @@ template <typename T> Int mark(const MarkOverlay &args) {
   const float shortest = args.shortest;
   Workspace workspace(args.scratch);
   T *smallest = workspace.take<T>(width);
+  View<BlockCounts, 2> counts;
+  counts.shape[0] = (height + spacing - 1) / spacing;
+  counts.shape[1] = (width + spacing - 1) / spacing;
+  counts.data = workspace.take<BlockCounts>(counts.shape[0] * counts.shape[1]);
   if (workspace.is_counting()) return workspace.size();
   for (Int top = 0; top < height; top += spacing) {
     const Int block_row = top / spacing, bottom = min(top + spacing, height);
@@ -104,7 +155,11 @@ template <typename T> Int mark(const MarkOverlay &args) {
         mark_changes(smallest, T(args.different), left, right, row);
       }
     }
+    for (Int left = 0; left < width; left += spacing)
+      counts(block_row, left / spacing) =
+          count_block(pictures, top, left, bottom, min(left + spacing, width), args, marks);
   }
+  unmark_moving(counts, spacing, marks);
   return 0;
 }
 

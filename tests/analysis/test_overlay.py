@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpsboost import Coding, methods, with_neighbours
-from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
+from fpsboost.analysis.overlay import BLOCK_SIZE, DILATION_SIZE, find_overlay
 from fpsboost.io.video.ycc import bgr_of, from_bgr, in_planes
 from support.truth import CutsWhere, as_type, equal_luma, moved_waves, noise, prepared, waves, white_of
 
@@ -164,6 +164,23 @@ def test_a_fast_thin_line_is_not_erased(width, speed, lean, texture):
     np.testing.assert_array_equal(*kept_and_moved(at))
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_slats_that_move_by_their_distance_are_no_overlay(seed):
+    """Their gaps are dark in the same places of all frames; boards are seen to move unless they leave the picture."""
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+
+    def at(t):
+        boards = 0.6 + 0.35 * moved_waves(SIZE, 0, 14 * t, 3, seed)
+        slats = np.where(((y - 14 * t) % 14 < 4)[..., np.newaxis], 0.05, boards)
+        surroundings = 0.15 + 0.55 * moved_waves(SIZE, 0, 5 * t, 3, seed + 10)
+        return as_type(np.where((abs(x - 80) < 32)[..., np.newaxis], slats, surroundings), np.uint8)
+
+    stays_inside = np.s_[: SIZE[0] - BLOCK_SIZE]
+    assert not found(at)[stays_inside].any()
+    kept, moved = kept_and_moved(at)
+    np.testing.assert_array_equal(kept[stays_inside], moved[stays_inside])
+
+
 def test_neighbours_in_another_scene_tell_nothing():
     """Across a cut there is no neighbour."""
     images = prepared(*(panning((12, 0), letters())(t) for t in (-1, 0, 1, 2)))
@@ -196,5 +213,5 @@ def test_a_pixel_on_its_own_is_no_overlay():
     overlay = found(panning((12, 0), mask, seed=2))
     assert overlay[mask].tolist() == [False, True, True, True]
     y, x = np.argwhere(overlay).T
-    assert np.abs(y - 40.5).max() <= 0.5 + DILATION_RADIUS
-    assert np.abs(x - 80.5).max() <= 0.5 + DILATION_RADIUS
+    assert np.abs(y - 40.5).max() <= 0.5 + DILATION_SIZE // 2
+    assert np.abs(x - 80.5).max() <= 0.5 + DILATION_SIZE // 2

@@ -587,27 +587,51 @@ def refined(
     return out
 
 
-def marked(images: list[Array], motion: Array, spacing: int, shortest: float, same: int, different: int) -> Array:
+def marked(
+    images: list[Array],
+    motion: Array,
+    spacing: int,
+    points: Array,
+    point_spacing: int,
+    shortest: float,
+    same: int,
+    different: int,
+) -> Array:
     """2 where a pixel of the first image stays as it is in all of them and would not if it moved with its block.
 
     1 where it stays, else 0. It would not stay if its colour is found neither where its motion leads nor where it comes
-    from, in any image. Beyond the frame, nobody can tell.
+    from, in any image. Beyond the frame, nobody can tell. No pixel of a block is 2 if more than four fifths of those
+    that would be, in it and in the blocks around it, are seen in the second image where their points move to.
     """
     height, width = images[0].shape
-    first, *others = (image.astype(int) for image in images)
+    first, second, *others = (image.astype(int) for image in images)
     out = np.zeros((height, width), np.uint8)
+    moving = np.zeros((height, width), bool)
     for y in range(height):
         for x in range(width):
             dx, dy = (float(value) for value in motion[y // spacing, x // spacing])
-            stays = all(abs(other[y, x] - first[y, x]) <= same for other in others)
+            stays = all(abs(other[y, x] - first[y, x]) <= same for other in (second, *others))
             if max(abs(dx), abs(dy)) < shortest or not stays:
                 continue
             out[y, x] = 2
             for sign in (-1, 1):
                 v, shift = y + sign * round(dy), sign * round(dx)
                 known = 0 <= v < height and 0 <= x + shift < width
-                if not known or any(abs(image[v, x + shift] - first[y, x]) <= different for image in (first, *others)):
+                shown = (image[v, x + shift] for image in (first, second, *others)) if known else ()
+                if not known or any(abs(value - first[y, x]) <= different for value in shown):
                     out[y, x] = 1
+            dx, dy = (float(value) for value in points[y // point_spacing, x // point_spacing])
+            v, u = y + round(dy), x + round(dx)
+            if max(abs(dx), abs(dy)) >= shortest and 0 <= v < height and 0 <= u < width:
+                moving[y, x] = abs(second[v, u] - first[y, x]) <= different
+    stands_out = out == 2
+    for top in range(0, height, spacing):
+        for left in range(0, width, spacing):
+            near = np.s_[max(top - spacing, 0) : top + 2 * spacing, max(left - spacing, 0) : left + 2 * spacing]
+            moved = np.count_nonzero(moving[near] & stands_out[near])
+            if moved > np.float32(0.8) * np.float32(stands_out[near].sum()):
+                block = out[top : top + spacing, left : left + spacing]
+                block.clip(0, 1, out=block)
     return out
 
 
