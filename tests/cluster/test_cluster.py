@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from fpsboost import ConversionJob, Encoding, Part, RunOptions, Timing, convert_job, find_method, join
+from fpsboost import ConversionJob, DecodeOptions, Encoding, Part, RunOptions, Timing, convert_job, find_method, join
 from fpsboost.cluster import ClusterError, convert
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import (
@@ -157,6 +157,24 @@ def test_dask_makes_the_same_images(client, images, output):
     assert images.is_whole(output)
     assert summary.frames_out == observer.expected == observer.counts[-1] == 39
     assert observer.counts == sorted(observer.counts)
+
+
+def test_dask_follows_guides(client, output, tmp_path, monkeypatch):
+    """A guide that the client names by a path of its own folder: images and counts are those of one process."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(8))
+    write_clip(tmp_path / "proxy.mp4", times=range(14), time_base=Fraction(1, 50), size=(24, 32))
+    monkeypatch.chdir(tmp_path)
+    decoding = DecodeOptions(guide="proxy.mp4")
+    job = ConversionJob(str(clip), str(tmp_path / "whole/"), Timing(Fraction(2)), find_method("blend"), decoding)
+    whole = convert_job(job)
+    clip_made = Clip(job, tmp_path / "whole")
+    made = convert(clip_made.to(output), client)
+    assert clip_made.is_whole(output)
+    assert made.guided_frames == whole.guided_frames == 7
+    told, expected = (
+        [each.values["found"] for each in summary.remarks if each.kind == "guide-followed"] for summary in (made, whole)
+    )
+    assert told == expected != []
 
 
 def test_a_killed_dask_worker_has_its_part_made_again(client, video, output):
