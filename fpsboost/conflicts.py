@@ -34,7 +34,7 @@ CONFLICTS = (
     Conflict(("fps",), ("keep_timing",), "one makes the rate constant, and the other keeps it variable"),
     Conflict(("retime",), ("speed",), "both set the speed"),
     Conflict(("retime", "speed"), ("slow_motion", "keep_timing", "fill_gaps"), "both set the timing"),
-    Conflict(("fill_gaps",), ("keep_timing", "replace"), "`fill_gaps` makes missing images alone, at a constant rate"),
+    Conflict(("fill_gaps",), ("keep_timing", "replace"), "`fill_gaps` makes only missing images, at a constant rate"),
     Conflict(("loop",), ("replace",), "a loop goes on beyond the frames that `replace` counts"),
     Conflict(
         ("duplicates='drop'",),
@@ -74,7 +74,7 @@ CONFLICTS = (
     Conflict(
         ("gaps", "duplicates='drop'"),
         ("a preview",),
-        "a preview reads passages alone, and the whole clip is needed",
+        "a preview reads only passages, and this needs the whole clip",
         "convert the clip, and preview that",
     ),
     Conflict(
@@ -87,13 +87,11 @@ CONFLICTS = (
         ("vectors", "shutter", "mask_as='layer'", "loop", "`retime` that plays backwards", "several inputs"),
         "a guide shows frames of one clip, each as a whole and in their order",
     ),
-    Conflict(
-        ("vectors",), ("retime", "speed", "shutter"), "rendered vectors exist for frames at the usual times alone"
-    ),
+    Conflict(("vectors",), ("retime", "speed", "shutter"), "rendered vectors exist only for frames at the usual times"),
     Conflict(("vectors",), ("loop",), "no rendered vectors lead from the last frame to the first"),
     Conflict(("vectors",), ("mask_as='layer'",), "a layer and what is behind it need vectors of their own"),
     Conflict(
-        ("in_place",), ("retime", "speed"), "`in_place` makes images at whole frame numbers alone, and not at any time"
+        ("in_place",), ("retime", "speed"), "`in_place` makes images only at whole frame numbers, not at any time"
     ),
     Conflict(
         ("in_place",),
@@ -102,7 +100,7 @@ CONFLICTS = (
         "write to another folder",
     ),
     Conflict(("in_place",), ("overwrite",), "`in_place` replaces nothing"),
-    Conflict(("shutter",), ("confidence", "save_motion"), "a mean of several frames has no one map"),
+    Conflict(("shutter",), ("confidence", "save_motion"), "the average of several frames has no map of its own"),
     Conflict(("resume",), ("confidence", "save_motion"), "frames that are finished are not computed again"),
     Conflict(("chunk",), ("in_place", "confidence", "save_motion"), "a part is written into a folder of its own"),
     Conflict(

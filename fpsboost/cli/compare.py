@@ -328,7 +328,7 @@ def choose(
             name, options = split_method(text)
             if name not in names:
                 chosen = choose_one(name, [*names, "all"])
-                raise OptionError(f"There is no method {name!r}; {chosen} Other tools take --peer or --frames.")
+                raise OptionError(f"There is no method {name!r}; {chosen} Other tools are given by --peer or --frames.")
             if name in vector_methods and vectors is None:
                 skipped[text] = "it needs the renderer's motion vectors (--vectors)"
             elif name == evaluation.MINTERPOLATE:

@@ -114,7 +114,7 @@ class MaskOptions(Checked):
     """Areas that stay as they are, or are interpolated as a layer."""
 
     mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
-    mask_as: MaskAs = option("keep", "Masked areas: keep, or move as a layer.")
+    mask_as: MaskAs = option("keep", "Masked areas: keep, or layer that moves.")
 
     def object(self) -> fpsboost.Mask | None:
         """Return the mask; None if none is given."""

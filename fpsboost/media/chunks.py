@@ -223,7 +223,7 @@ class Assembly:
         extradata = bytes(self._stream.codec_context.extradata or b"")
         if any(chunk.extradata != extradata for chunk in chunks):
             raise OutputError(
-                f"{self._name} was begun by an encoder that works differently; leave `resume` out to start anew."
+                f"{self._name} was begun by an encoder that works differently; start anew without `resume`."
             )
         end = self._mux(self._output, chunks)
         if self._copier is not None:

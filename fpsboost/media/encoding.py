@@ -196,7 +196,7 @@ def choose_encoder(output: Output, traits: VideoTraits | None = None) -> tuple[s
     codec = find_encoder(encoder.name, "video")
     if codec is None:
         raise OptionError(
-            f"`codec={asked!r}` is unknown here, also as the exact name of an FFmpeg encoder; "
+            f"`codec={asked!r}` is neither known here nor the exact name of an FFmpeg encoder; "
             + choose_one(asked, encoders)
         )
     output.container.check_holds(

@@ -265,8 +265,8 @@ def encrypted_sentence(name: str, begin: Fraction = Fraction(0)) -> str:
 
 def encrypted_stream_sentence(name: str, kind: str, index: int) -> str:
     """Return the sentence that another stream than the video is encrypted."""
-    without = {"audio": "`audio=False`", "subtitle": "`subtitles=False`"}.get(kind, "a copy without it")
-    return f"{name} has encrypted {kind} (DRM) in stream {index}; take {without}."
+    advice = {"audio": "leave it out with `audio=False`", "subtitle": "leave it out with `subtitles=False`"}
+    return f"{name} has encrypted {kind} (DRM) in stream {index}; {advice.get(kind, 'take a copy without it')}."
 
 
 def dolby_vision_sentence(name: str) -> str:

@@ -235,7 +235,7 @@ class StagingDirectory:
             wording = f"{old} and not {new}"
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
                 wording = f"that {'have' if what.endswith('s') else 'has'} changed since"
-            advice = "give the same input and options, or leave `resume` out to start anew."
+            advice = "give the same input and options, or start anew without `resume`."
             raise OutputError(f"{self.name} was begun with {what} {wording}; {advice}")
 
 

@@ -38,7 +38,7 @@ LABELS = {
     "start": "“From”",
     "end": "“to”",
     "codec": "“Format”",
-    "crf": "constant rate factor, as by “Smaller file”,",
+    "crf": "constant rate factor (as by “Smaller file”)",
     "lossless": "“Without loss”",
     "streams": "“Streams to keep”",
     "resume": "“Try again”",

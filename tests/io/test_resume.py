@@ -327,7 +327,7 @@ def test_another_job_is_refused(tmp_path, clip):
     stop(clip, tmp_path / "out.mp4", 30, encoding=replace(FAST, crf=20))
     before = sorted(folder_of(tmp_path / "out.mp4").iterdir())
     with pytest.raises(
-        OutputError, match=r"out\.mp4 was begun with crf 20 and not 30; give the same input and options, or leave"
+        OutputError, match=r"out\.mp4 was begun with crf 20 and not 30; give the same input and options, or start anew"
     ):
         run(clip, tmp_path / "out.mp4", resume=True, encoding=replace(FAST, crf=30))
     assert sorted(folder_of(tmp_path / "out.mp4").iterdir()) == before
@@ -570,7 +570,7 @@ def test_the_command_line_goes_on(fpsboost_, tmp_path, monkeypatch):
     )
     result = fpsboost_(*COMMAND, "--resume", "--crf", "30")
     assert result.err.startswith(
-        "fpsboost: out.mp4 was begun with crf None and not 30; give the same input and options, or leave "
+        "fpsboost: out.mp4 was begun with crf None and not 30; give the same input and options, or start anew "
     )
     result = fpsboost_(*COMMAND, "--resume")
     assert result.code == 0

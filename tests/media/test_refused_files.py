@@ -76,7 +76,9 @@ def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
     """Where the pictures are clear."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac")
     monkeypatch.setattr("fpsboost.media.stream_copier.is_encrypted", lambda packet: packet.stream.type == "audio")
-    with pytest.raises(InputError, match=r"in\.mkv has encrypted audio \(DRM\) in stream 1; take `audio=False`\."):
+    with pytest.raises(
+        InputError, match=r"in\.mkv has encrypted audio \(DRM\) in stream 1; leave it out with `audio=False`\."
+    ):
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
 
 
