@@ -102,7 +102,7 @@ def calibrate(clips: Iterable[str], names: Iterable[str], frames: int) -> dict[s
             made = make_hidden(ComparedInterpolator(replace(methods[method], synthesizer=synthesizer)), clip)
             unknown = np.zeros(made.images[0].shape[:2], np.float32)  # nothing is fused across a cut
             for index in clip.scored:
-                confidence = kept.get(clip.intervals[index].begin.number, unknown)
+                confidence = kept.get(clip.intervals[index].shown0.position.number, unknown)
                 calibration.add(clip.hidden[index], made.images[index], confidence)
     return found
 

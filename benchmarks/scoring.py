@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 from rich.console import Console
 
+from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.evaluation.compared_methods import ComparedMethod
 from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
-from fpsboost.evaluation.hidden_frames import HoldOut, Interval
+from fpsboost.evaluation.hidden_frames import HeldOutFrame, HoldOut, Interval
 from fpsboost.evaluation.results import low_percentile, mean, means, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
@@ -47,7 +48,7 @@ class Clip:
     @property
     def shown(self) -> list[Image]:
         """The even frames."""
-        return [*(each.shown0.array for each in self.intervals), self.intervals[-1].shown1.array]
+        return [*(each.shown0.frame.array for each in self.intervals), self.intervals[-1].shown1.frame.array]
 
     @property
     def hidden(self) -> list[Image]:
@@ -111,7 +112,7 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
     hold_out = HoldOut(last=2 * largest + 1, duplicates="keep")
     intervals = [_in_three_colours(each) for each in hold_out.intervals(path)]
     rate = 2 * len(intervals) / (intervals[-1].shown1.time - intervals[0].shown0.time)
-    shown = [FrameCache(intervals[0].shown0.array), *(FrameCache(each.shown1.array) for each in intervals)]
+    shown = [intervals[0].prepared()[0], *(each.prepared()[1] for each in intervals)]
     scores = [CutDetector().match_score(*pair) for pair in pairwise(shown)]
     around = [[*scores[max(k - 1, 0) : k], *scores[k + 1 : k + 2]] for k in range(len(scores))]
     kept = [k for k, score in enumerate(scores) if not CutDetector().is_cut(score, *around[k])]
@@ -120,10 +121,14 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
 
 def _in_three_colours(interval: Interval) -> Interval:
     """Return an interval whose frames have neither alpha nor one colour alone."""
-    shown0, shown1 = (replace(each, image=three_colours(each.array)) for each in (interval.shown0, interval.shown1))
+
+    def changed(source: SourceFrame) -> SourceFrame:
+        frame = replace(source.frame, image=three_colours(source.frame.array))
+        return SourceFrame(frame, source.time, source.output_position, source.position)
+
     # tools that double frames know no other time than the middle
-    hidden = tuple(each._replace(t=Fraction(1, 2), truth=three_colours(each.truth)) for each in interval.hidden)
-    return interval._replace(shown0=shown0, shown1=shown1, hidden=hidden)
+    hidden = tuple(HeldOutFrame(changed(each.source), Fraction(1, 2)) for each in interval.hidden)
+    return interval._replace(shown0=changed(interval.shown0), shown1=changed(interval.shown1), hidden=hidden)
 
 
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:

@@ -101,8 +101,10 @@ class FrameCache:
         self._results = Results()
 
     def with_image(self, image: FrameImage) -> FrameCache:
-        """Return another image at the same positions."""
-        return FrameCache(image, self.output_position, self.source_position)
+        """Return another image of the same frame."""
+        other = FrameCache(image, self.output_position, self.source_position)
+        other.guide = self.guide
+        return other
 
     @cached_property
     def pixels(self) -> Pixels:

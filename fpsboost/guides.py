@@ -145,13 +145,11 @@ def opened_guides(decoding: DecodeOptions, clip: GuidedClip) -> Iterator[Guides 
     InputError, OptionError
         It cannot be read, is no picture of the clip, has another shape, is larger, or shows none of the frames.
     """
-    if decoding.guide is None:
-        yield None
-    elif decoding.guide == OWN:
-        yield own_picture
-    else:
-        with placed_guides(os.fspath(decoding.guide), decoding, clip) as guides:
-            yield guides.picture
+    if decoding.guide_path is None:
+        yield None if decoding.guide is None else own_picture
+        return
+    with placed_guides(decoding.guide_path, decoding, clip) as guides:
+        yield guides.picture
 
 
 @contextmanager

@@ -326,7 +326,7 @@ class Interpolator(Checked):
             if with_confidence and confidence is None:  # no motion connects the frames, or it is one of them
                 confidence = np.full(image.shape[:2], t in {0, 1}, np.float32)
             made = InterpolatedImage(image, confidence if with_confidence else None)
-            yield made if guide is None or not 0 < t < 1 else _guided(pair, made, guide, t)
+            yield _guided(pair, made, guide, t) if guide is not None and 0 < t < 1 else made
 
     def _synthesize(self, pair: Pair, times: list[float], *, with_confidence: bool) -> Iterator[InterpolatedImage]:
         scene = pair.within_scene

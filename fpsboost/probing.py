@@ -1,6 +1,5 @@
 """Properties of a clip, and of a conversion of it with the default options, as plain data."""
 
-import os
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +20,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
-from fpsboost.io.video.decode_options import OWN, DecodeOptions, SizeChange
+from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import Look, OutputTiming, StreamFacts, counted, look_of, try_out
 from fpsboost.method_table import methods
@@ -266,10 +265,10 @@ def find_guides(ready: Preparation) -> Remarks:
     """Return remarks on which frames a conversion will make with a guide and without, as far as files tell it."""
     decoding = ready.job.decoding
     remarks = Remarks()
-    if decoding.guide is None or decoding.guide == OWN:
-        return remarks
     source = ready.clip.source
-    path = os.fspath(decoding.guide)
+    path = decoding.guide_path
+    if path is None:
+        return remarks
     with placed_guides(path, decoding, ready.guided) as guides:
         times = source.frame_times()
         times_of_guide = guides.source.frame_times()

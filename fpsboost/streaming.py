@@ -194,7 +194,7 @@ class _Loop:
         """Make the output frames of a part of an interval; those that are not needed carry any image."""
         outputs = interval.outputs[begin : begin + FRAMES_PER_TASK]
         match = self.measure_match(interval) if begin == 0 and interval.is_counted and not interval.scene_cut else None
-        missing = [each for each in outputs if each.is_interpolated and each.is_missing]
+        missing = [each for each in outputs if each.is_made]
         images = self.interpolator.images(
             interval.pair,
             [each.step.t for each in missing],
@@ -298,24 +298,17 @@ class _Loop:
         pair = batch.interval.pair
         outputs = [each.output for each in batch.frames]
         summary.frames_made += sum(each.is_new for each in outputs if each.number in self.timeline.outputs)
+        made = [each for each in outputs if each.is_made]
         if pair.unsure_share > 0:
-            made = sum(each.is_interpolated and each.is_missing for each in outputs)
-            summary.unsure_frames += made
-            summary.unsure_pixels += made * pair.unsure_share
+            summary.unsure_frames += len(made)
+            summary.unsure_pixels += len(made) * pair.unsure_share
         if pair.search_radius is not None:
             summary.search_radii.add(pair.search_radius)
-        if self.timeline.options.guides is not None:
-            self.count_guides(batch)
-
-    def count_guides(self, batch: Batch) -> None:
-        """Count the frames that a task has made with and without a guide."""
-        for each in (made.output for made in batch.frames):
-            if not (each.is_interpolated and each.is_missing):
-                continue
+        for each in made if self.timeline.options.guides is not None else ():
             if each.guide is None:
-                self.summary.guides_missing.append(each.number)
+                summary.guides_missing.append(each.number)
             else:
-                self.summary.note_guides(1, batch.interval.pair.findings[each.step.t]._asdict())
+                summary.note_guides(1, pair.findings[each.step.t]._asdict())
 
     def count_interval(self, interval: Interval) -> None:
         """Count the frames of an interval's group that are interpolated, and its cut, unless another run does."""

@@ -77,6 +77,11 @@ class ScheduledFrame(NamedTuple):
         """Whether it lies between two pictures, and is none of them."""
         return self.step.t > 0
 
+    @property
+    def is_made(self) -> bool:
+        """Whether this run interpolates it."""
+        return self.is_interpolated and self.is_missing
+
     def at(self, t: Fraction) -> ScheduledFrame:
         """Return it with another position between the pictures."""
         return self._replace(step=self.step._replace(t=t))

@@ -212,8 +212,8 @@ class _Facts:
             if not interval.is_known:
                 self.unknown += [hidden.number for hidden in interval.hidden]
             self.repeats += interval.repeats
-            self.kind = view(interval.shown0.array).describe()
-            self.clip_frames += interval.end.number - interval.begin.number
+            self.kind = view(interval.shown0.frame.array).describe()
+            self.clip_frames += interval.shown1.position.number - interval.shown0.position.number
             self.pictures += len(interval.hidden) + 1
             self.seconds += interval.shown1.time - interval.shown0.time
             yield interval

@@ -90,7 +90,7 @@ class ComparedInterpolator:
 
     def _timed(self, pair: Pair, chosen: Sequence[HeldOutFrame]) -> Iterator[InterpolatedFrame]:
         """Yield the chosen frames of an interval with the time that each took."""
-        guides = [hidden.guide for hidden in chosen] if self.follows_guides else None
+        guides = [hidden.source.guide for hidden in chosen] if self.follows_guides else None
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen], guides=guides)
         for hidden in chosen:
             begin = time.perf_counter()
@@ -156,11 +156,11 @@ class Minterpolate:
         for interval in intervals:
             factor = len(interval.hidden) + 1
             if graph is None:
-                graph = self._graph(interval.shown0.array, factor)
-                graph.vpush(_as_picture(interval.shown0.array, 0))
+                graph = self._graph(interval.shown0.frame.array, factor)
+                graph.vpush(_as_picture(interval.shown0.frame.array, 0))
             hidden |= {place * factor + k: each for k, each in enumerate(interval.hidden, start=1)}
             place = place + 1
-            last = interval.shown1.array
+            last = interval.shown1.frame.array
             yield from _passed(graph, _as_picture(last, place), hidden, wanted)
         if graph is not None and last is not None:
             # the filter holds two frames back and never makes the last interval: the last frame is repeated at the end

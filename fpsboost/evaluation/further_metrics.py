@@ -369,10 +369,10 @@ class Meters:
         """Yield the hidden frames of a clip in order; each must be passed to `add` before the next one is taken."""
         last: Interval | None = None
         for last in intervals:
-            self.add(last.shown0.array, last.shown0.array, counts=False)
+            self.add(last.shown0.frame.array, last.shown0.frame.array, counts=False)
             yield from last.hidden
         if last is not None:
-            self.add(last.shown1.array, last.shown1.array, counts=False)
+            self.add(last.shown1.frame.array, last.shown1.frame.array, counts=False)
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
         """Add the next frame to all meters."""

@@ -17,13 +17,11 @@ from fpsboost.analysis.duplicates import DuplicateDetector, PictureRun, SourceFr
 from fpsboost.contracts import FrameSource
 from fpsboost.derived_sources import trim_source
 from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.frame_cache import FrameCache
 from fpsboost.guides import GuidedClip, opened_guides
 from fpsboost.image import Image
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.layered import FrameImage
 from fpsboost.options import Checked, Duplicates, PositiveInt, words_of_options
 from fpsboost.timeline import FramePlace, Guides, positions_of
 from fpsboost.timing.schedule import ByFactor, ByRate, rising_time
@@ -35,27 +33,27 @@ WHOLE = "0:"
 class HeldOutFrame(NamedTuple):
     """Held-out frame, which methods do not see."""
 
-    number: int
-    """Number of the frame in the clip, counted from 0."""
+    source: SourceFrame
+    """The frame, with its guide, which methods may see."""
     t: Fraction  # place in time between the shown frames, 0 to 1
-    truth: Image
-    """The frame itself, (H, W, C)."""
-    source_position: SourcePosition
-    """Position in the clip."""
-    guide: FrameImage | None = None
-    """Cheap picture of it, which methods may see."""
+
+    @property
+    def number(self) -> int:
+        """Number of the frame in the clip, counted from 0."""
+        return self.source.position.number
+
+    @property
+    def truth(self) -> Image:
+        """The frame itself, (H, W, C)."""
+        return self.source.frame.array
 
 
 class Interval(NamedTuple):
-    """Two shown frames with their positions in the clip, and the hidden ones between them."""
+    """Two shown frames, and the hidden ones between them."""
 
-    begin: SourcePosition
-    """Position of the first shown frame."""
-    end: SourcePosition
-    """Position of the second shown frame."""
-    shown0: Frame
+    shown0: SourceFrame
     """First shown frame."""
-    shown1: Frame
+    shown1: SourceFrame
     """Second shown frame."""
     hidden: tuple[HeldOutFrame, ...]
     """Hidden frames in order."""
@@ -63,25 +61,16 @@ class Interval(NamedTuple):
     """Numbers of frames, from the first shown one to the second, that repeat the one before."""
     is_known: bool
     """Whether the pictures at the times of the hidden frames are known; see `HoldOut`."""
-    key_guides: tuple[FrameImage | None, FrameImage | None] = (None, None)
-    """Cheap pictures of the shown frames."""
 
     def prepared(self, *, with_layers: bool = False) -> tuple[FrameCache, FrameCache]:
-        """Return the shown frames, as arrays or with layers, at their positions in the clip, with empty caches."""
-        first, second = (frame.image if with_layers else frame.array for frame in (self.shown0, self.shown1))
-        images = _prepared(first, self.begin), _prepared(second, self.end)
-        for image, guide in zip(images, self.key_guides, strict=True):
-            image.guide = guide
-        return images
+        """Return the shown frames, as arrays or with layers, with empty caches."""
+        shown = self.shown0, self.shown1
+        first, second = (each.with_image(each.image if with_layers else each.frame.array) for each in shown)
+        return first, second
 
     def prepared_truths(self) -> list[FrameCache]:
-        """Return the hidden frames at their positions in the clip, with empty caches."""
-        return [_prepared(hidden.truth, hidden.source_position) for hidden in self.hidden]
-
-
-def _prepared(image: FrameImage, position: SourcePosition) -> FrameCache:
-    """Return the cache of a frame that is an output frame at its own number."""
-    return FrameCache(image, Fraction(position.number), position)
+        """Return the hidden frames with empty caches."""
+        return [hidden.source.with_image(hidden.truth) for hidden in self.hidden]
 
 
 class _Truth(NamedTuple):
@@ -226,8 +215,9 @@ class HoldOut(Checked):
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                shown = SourceFrame(replace(frame, time=time), source_position=position)
-                if guides is not None:  # which have the numbers or the times of the clip's own frames
+                # frames, and their guides, are those of an output at the clip's own times
+                shown = SourceFrame(replace(frame, time=time), None, Fraction(position.number), position)
+                if guides is not None:
                     place = FramePlace(Fraction(position.number), position.seconds, 1 / source.info.rate, None)
                     shown.guide = guides(place)
                 yield shown
@@ -258,9 +248,7 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         even = Fraction(k, len(between) + 1)
         t = (truth.source.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
-        position = truth.source.position
-        t = even if is_even else t
-        hidden.append(HeldOutFrame(position.number, t, truth.source.frame.array, position, truth.source.guide))
+        hidden.append(HeldOutFrame(truth.source, even if is_even else t))
     repeats = [number for truth in row[:-1] for number in truth.repeats]
     repeats += [truth.source.position.number for truth in row[1:] if truth.is_repeat]
     is_known = (
@@ -269,14 +257,11 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         and not any(later.source.time - earlier.source.time > clock.longest for earlier, later in pairwise(row))
     )
     return Interval(
-        before.source.position,
-        after.source.position,
-        before.source.frame,
-        after.source.frame,
+        before.source,
+        after.source,
         tuple(hidden),
         tuple(sorted(repeats)),
         is_known,
-        (before.source.guide, after.source.guide),
     )
 
 

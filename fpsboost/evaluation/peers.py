@@ -71,7 +71,7 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
     shown: list[int] = []
     for interval in intervals:
         hidden += [each.number for each in interval.hidden]
-        shown += [interval.begin.number, interval.end.number]
+        shown += [interval.shown0.position.number, interval.shown1.position.number]
         skip = len(interval.hidden)
     first = shown[0]
     last = shown[-1]
@@ -167,8 +167,8 @@ def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[dict[int,
     for index, interval in enumerate(intervals):
         factor = len(interval.hidden) + 1
         if index == 0:
-            _write(folder, 0, interval.shown0.array)
-        _write(folder, index + 1, interval.shown1.array)
+            _write(folder, 0, interval.shown0.frame.array)
+        _write(folder, index + 1, interval.shown1.frame.array)
         places |= {hidden.number: index * factor + k for k, hidden in enumerate(interval.hidden, start=1)}
         seconds += float(interval.shown1.time - interval.shown0.time)
     return places, index + 2, factor, (index + 1) / seconds

@@ -1,7 +1,12 @@
 """A comparison of a tiny clip, and its page."""
 
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
 import pytest
 
+from fpsboost import DecodeOptions
 from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.compared_methods import ComparedInterpolator
 from fpsboost.evaluation.hidden_frames import HoldOut
@@ -28,6 +33,20 @@ def comparison(tmp_path_factory, compared_methods):
 @pytest.fixture(scope="session")
 def report_path(comparison, compared_methods, tmp_path_factory):
     return write_report(tmp_path_factory.mktemp("report") / "page", [ComparedClip(comparison, compared_methods)])
+
+
+@pytest.fixture(scope="session")
+def guided(tmp_path_factory, comparison):
+    """The same clip, with guides of half the size for all but frame 3, by a method with and without them."""
+    folder = tmp_path_factory.mktemp("guide")
+    for path in sorted(Path(comparison.clip).iterdir()):
+        if path.stem != "0003":
+            small = cv2.resize(cv2.imread(str(path)), (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
+            cv2.imwrite(str(folder / path.name), small)
+    plain = ComparedInterpolator(methods["blend"])
+    compared_methods = {"blend": plain, "blend+guide": replace(plain, follows_guides=True)}
+    hold_out = HoldOut(decoding=DecodeOptions(guide=str(folder)))
+    return ComparedClip(compare(comparison.clip, compared_methods, hold_out, Nobody()), compared_methods)
 
 
 @pytest.fixture(scope="session")

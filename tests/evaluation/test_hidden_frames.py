@@ -28,12 +28,12 @@ def folder(tmp_path, save_images):
 def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, first, length):
     """Every interval begins where the last one ended; hidden frames lie evenly in it; only a rest is left out."""
     intervals = list(HoldOut(skip, first, first + length).intervals(folder))
-    assert [each.begin.number for each in intervals] == list(
+    assert [each.shown0.position.number for each in intervals] == list(
         range(first, first + len(intervals) * (skip + 1), skip + 1)
     )
     assert len(intervals) == (min(11, first + length) - first - 1) // (skip + 1)
     for interval in intervals:
-        assert [each.number - interval.begin.number for each in interval.hidden] == list(range(1, skip + 1))
+        assert [each.number - interval.shown0.position.number for each in interval.hidden] == list(range(1, skip + 1))
         assert [each.t for each in interval.hidden] == [Fraction(k, skip + 1) for k in range(1, skip + 1)]
 
 
@@ -84,7 +84,8 @@ def test_a_repeat_is_neither_shown_nor_a_truth(tmp_path):
     intervals = list(HoldOut().intervals(path))
     half = Fraction(1, 2)
     assert what_counts(intervals) == [*((number, half, True) for number in (1, 3, 5)), (8, Fraction(2, 3), False)]
-    assert [(each.begin.number, each.end.number, each.repeats) for each in intervals][3] == (6, 9, (7,))
+    fourth = intervals[3]
+    assert (fourth.shown0.position.number, fourth.shown1.position.number, fourth.repeats) == (6, 9, (7,))
     kept = list(HoldOut(duplicates="keep").intervals(path))
     assert [each.hidden[0].number for each in kept] == [1, 3, 5, 7, 9]
     assert all(each.is_known and not each.repeats for each in kept)
@@ -132,7 +133,8 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
     by_times = list(HoldOut(decoding=DecodeOptions(trim=trim), counts_frames=counts_frames).intervals(str(path)))
     assert [each.hidden[0].number for each in by_times] == [11, 13, 15]
     for one, other in zip(by_frames, by_times, strict=True):
-        assert (one.begin, one.end) == (other.begin, other.end)
+        assert one.shown0.position == other.shown0.position
+        assert one.shown1.position == other.shown1.position
         np.testing.assert_array_equal(one.hidden[0].truth, other.hidden[0].truth)
 
 
@@ -141,7 +143,7 @@ def test_a_part_of_images_keeps_their_numbers(folder):
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
         trim = Trim(Position.parse(start, "`start`"))
         hold_out = HoldOut(decoding=DecodeOptions(trim, input_fps=rate))
-        assert [each.begin.number for each in hold_out.intervals(folder)] == [3, 5, 7]
+        assert [each.shown0.position.number for each in hold_out.intervals(folder)] == [3, 5, 7]
     with pytest.raises(OptionError, match="`input_fps`"):
         list(HoldOut(decoding=DecodeOptions(trim=trim)).intervals(folder))
 

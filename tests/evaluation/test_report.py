@@ -22,7 +22,7 @@ from fpsboost.colour import as_shown
 from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.compared_methods import InterpolatedFrame, method_names
 from fpsboost.evaluation.hidden_frames import HoldOut, read_samples
-from fpsboost.evaluation.report.page import _view_frames, choose_frames, command, write_report
+from fpsboost.evaluation.report.page import _view_frames, choose_frames, command, shared_out, write_report
 from fpsboost.evaluation.report.pictures import choose_exact, choose_passages, find_spots, view_passages
 from fpsboost.evaluation.report.styles import (
     DASH_DOTTED,
@@ -281,6 +281,33 @@ def test_played_frames_are_those_of_the_clip(comparison, compared_methods):
     assert {len(frame["images"]) for frame in played.frames[::2]} == {1}
     assert {len(frame["images"]) for frame in played.frames[1::2]} == {1 + len(NAMES)}
     assert (played.width, played.height, played.fps) == (WIDTH, HEIGHT, 24.0)
+
+
+def test_a_guide_is_shown_beside_what_follows_it(guided):
+    """In closer looks behind the truth, in the player as the last picture, enlarged; black where there is none."""
+    numbers = [1, 3, 5]
+    data = view_passages(guided, [numbers], exact=numbers)
+    assert data.names == ["truth", "blend", "blend+guide", "guide"]
+    samples = read_samples(guided.comparison.clip, guided.comparison.hold_out, numbers)
+    for frame in data.frames:
+        if frame["number"] in numbers:
+            guide_of_frame = samples[frame["number"]].hidden.source.guide
+            truth, *_, guide = (decoded(data.uris[image]) for image in frame["images"])
+            assert guide.shape == truth.shape
+            if guide_of_frame is None:
+                assert not guide.any()
+            else:
+                small = cv2.resize(guide, guide_of_frame.shape[1::-1], interpolation=cv2.INTER_AREA)
+                assert np.abs(small - guide_of_frame.astype(float)).mean() < 4
+    sections, _ = _view_frames(guided, {1: ["the worst"], 3: ["the best"]})
+    crops = [[picture.name for picture in section.strips[0].crops] for section in sections]
+    assert crops == [["truth", "guide", "blend", "blend+guide"], ["truth", "blend", "blend+guide"]]
+
+
+def test_a_method_that_follows_guides_is_one_of_this_package(guided):
+    """It is drawn as one with options, and its times are known frame by frame."""
+    assert [style.line for style in styles_of(["blend", "blend+guide"])] == [SOLID, DASHED]
+    assert shared_out(guided.comparison) == []
 
 
 def test_some_frames_are_kept_without_loss(comparison, compared_methods):

@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.hidden_frames import read_samples
-from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
+from fpsboost.evaluation.report.page import DIFFERENT, choose_frames, write_report
 from support.browser import violations
 from support.comparison_truth import HEIGHT, NAMES, WIDTH
 
@@ -238,6 +238,22 @@ def test_blind_test_hides_names_and_counts(page, comparison):
     assert {name for name in NAMES if name in tally} == set(re.findall(r"^(\S+): preferred", tally, re.MULTILINE))
     assert (left(page), right(page)) == ("truth", NAMES[0])
     expect(page.locator(".place")).to_have_text(before)
+
+
+def test_a_guide_can_be_seen_and_is_no_contestant(opened, guided, tmp_path):
+    """The player has it as its last picture, closer looks name it, and the blind test never draws it."""
+    page = opened(write_report(tmp_path / "page", [guided]).as_uri(), reduced_motion="reduce")
+    page.locator(".stage").focus()
+    page.keyboard.press("3")
+    assert right(page) == "guide"
+    assert page.locator("figcaption .truth", has_text="guide").count() > 0
+    page.get_by_role("button", name="Blind test").click()
+    for count in range(1, 8):
+        page.get_by_role("button", name="A, left").click()
+        expect(page.locator(".count")).to_have_text(f"{count} vote{'s' if count > 1 else ''}")
+    page.get_by_role("button", name="End and reveal").click()
+    tally = page.locator(".tally").inner_text()
+    assert set(re.findall(r"^(\S+): preferred", tally, re.MULTILINE)) == {"blend", "blend+guide"}
 
 
 def test_chart_is_the_timeline(page, comparison):

@@ -251,7 +251,7 @@ def shared_out(comparison: Comparison) -> list[str]:
     return [
         method.name
         for method in comparison.methods
-        if method.name.partition(":")[0] not in {*method_names()} - {MINTERPOLATE}
+        if method.name.partition(":")[0].removesuffix("+guide") not in {*method_names()} - {MINTERPOLATE}
         and math.isfinite(comparison.mean_seconds(method)["seconds"])
     ]
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.compared_methods import ComparedInterpolator, ComparedMethod
-from fpsboost.evaluation.hidden_frames import Sample
+from fpsboost.evaluation.hidden_frames import HeldOutFrame, Sample
 from fpsboost.evaluation.results import ComparedClip, Comparison, absolute_error
-from fpsboost.image import Image
+from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.field import ZeroMotion, point_places
 from fpsboost.pages import (
@@ -30,7 +30,7 @@ from fpsboost.pages import (
     not_too_wide,
 )
 from fpsboost.pair import Pair
-from fpsboost.synthesis import FramePair, FusesHypotheses
+from fpsboost.synthesis import FusesHypotheses
 
 MIN_CROP = 48
 """Smallest side of a crop, pixels; a tenth of the frame's width if that is more."""
@@ -45,12 +45,12 @@ MAX_DRAWN_ERROR = 64
 
 @dataclass(frozen=True)
 class Picture:
-    """One encoded picture of a method, or of the truth."""
+    """One encoded picture of a method, of the truth, or of the guide."""
 
     name: str
-    """Name of the method."""
+    """Name of the method, ``truth`` or ``guide``."""
     method: int | None
-    """Index of the method; None for the truth."""
+    """Index of the method; None for the truth and the guide."""
     uri: str
     """Data URI."""
     mae: float | None = None
@@ -72,13 +72,13 @@ class Spot(NamedTuple):
 
 @dataclass(frozen=True)
 class Strip:
-    """One spot in the truth and in the frame of every method."""
+    """One spot in the truth, in the guide if there is one, and in the frame of every method."""
 
     letter: str
     """Letter that marks the spot on the page."""
     spot: Spot
     crops: list[Picture]
-    """The spot in the truth and in every method's frame."""
+    """The spot in each of these."""
 
 
 @dataclass(frozen=True)
@@ -124,18 +124,27 @@ class MotionView:
 def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
     """Find the spots of a frame that deserve a closer look, and encode them from the frame of every method."""
     truth = sample.hidden.truth
-    images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(frames.items()))]
+    unscored = {"truth": truth}
+    if sample.hidden.source.guide is not None:
+        unscored["guide"] = enlarged_guide(sample.hidden)
     errors = [absolute_error(truth, image) for image in frames.values()]
     strips = []
     for letter, spot in zip("AB", find_spots(errors), strict=False):
         window = np.s_[spot.y : spot.y + spot.size, spot.x : spot.x + spot.size]
-        maes = [None, *(float(error[window].mean()) for error in errors)]
-        crops = [
-            Picture(name, index, encode(as_shown(image[window]), LOSSLESS), mae)
-            for (name, index, image), mae in zip(images, maes, strict=True)
-        ]
+        crops = [Picture(name, None, encode(as_shown(image[window]), LOSSLESS)) for name, image in unscored.items()]
+        for index, (name, image) in enumerate(frames.items()):
+            mae = float(errors[index][window].mean())
+            crops.append(Picture(name, index, encode(as_shown(image[window]), LOSSLESS), mae))
         strips.append(Strip(letter, spot, crops))
     return strips
+
+
+def enlarged_guide(hidden: HeldOutFrame) -> Image:
+    """Return the guide of a frame as a screen shows it, at the size of the frame; black if there is none."""
+    if hidden.source.guide is None:
+        return np.zeros_like(hidden.truth)
+    height, width = hidden.truth.shape[:2]
+    return cv2.resize(as_shown(view(hidden.source.guide).array()), (width, height))
 
 
 def view_motion(
@@ -156,7 +165,7 @@ def view_motion(
     if not pairs:
         return None
     flows = {name: pair.fields[0].flow for name, pair in pairs.items()}
-    height, width = interval.shown0.array.shape[:2]
+    height, width = interval.shown0.frame.array.shape[:2]
     edge = max(1.0, float(np.median([np.percentile(np.linalg.norm(flow, axis=-1), 98) for flow in flows.values()])))
     spacing = max(4, max(height, width) // ARROWS)
     # the roundest factor that lets arrows be seen and hardly overlap
@@ -171,10 +180,10 @@ def view_motion(
     ]
     return MotionView(
         number=sample.hidden.number,
-        between=(interval.begin.number, interval.end.number),
+        between=(interval.shown0.position.number, interval.shown1.position.number),
         width=width,
         height=height,
-        shown=encode(not_too_wide(as_shown(interval.shown0.array))),
+        shown=encode(not_too_wide(as_shown(interval.shown0.frame.array))),
         wheel=encode(draw_wheel(WHEEL), LOSSLESS),
         edge=edge,
         stretch=stretch,
@@ -190,8 +199,7 @@ def _doubts(
     for index, name in enumerate(frames):
         synthesizer = interpolators[name].synthesizer if name in pairs else None
         if isinstance(synthesizer, FusesHypotheses):
-            frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
-            confidence = next(synthesizer.fuse(frame_pair, [float(sample.hidden.t)])).confidence
+            confidence = next(synthesizer.fuse(pairs[name].frame_pair, [float(sample.hidden.t)])).confidence
             error = absolute_error(sample.hidden.truth, frames[name])
             uncertainty, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / MAX_DRAWN_ERROR))
             yield Picture(name, index, encode(uncertainty)), Picture(name, index, encode(wrong), float(error.mean()))
@@ -321,6 +329,7 @@ def view_passages(clip: ComparedClip, passages: Sequence[Sequence[int]], exact: 
     passage_of = {number: place for place, passage in enumerate(passages) for number in passage}
     data = PlayerData(["truth", *(method.name for method in comparison.methods)], *_size_of(comparison), 0.0)
     frames: dict[tuple[int, int], dict[str, Any]] = {}
+    guides: dict[int, Image] = {}
 
     def add(number: int, passage: int, image: Image, note: str) -> None:
         displayed = not_too_wide(as_shown(image))
@@ -339,13 +348,18 @@ def view_passages(clip: ComparedClip, passages: Sequence[Sequence[int]], exact: 
             if hidden.number not in passage_of:
                 continue
             passage = passage_of[hidden.number]
-            for number, frame in ((interval.begin.number, interval.shown0), (interval.end.number, interval.shown1)):
-                if (passage, number) not in frames:
-                    add(number, passage, frame.array, "shown")
+            for shown in (interval.shown0, interval.shown1):
+                if (passage, shown.position.number) not in frames:
+                    add(shown.position.number, passage, shown.frame.array, "shown")
             add(hidden.number, passage, hidden.truth, "hidden")
+            guides[hidden.number] = enlarged_guide(hidden)
             data.fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
     for compared_method in clip.compared_methods.values():
         for interpolated in compared_method.interpolate(intervals(), passage_of):
             add(interpolated.number, passage_of[interpolated.number], interpolated.image, "hidden")
+    if comparison.hold_out.decoding.guide is not None:
+        data.names.append("guide")
+        for number, guide in guides.items():
+            add(number, passage_of[number], guide, "hidden")
     data.frames = [frames[key] for key in sorted(frames)]
     return data

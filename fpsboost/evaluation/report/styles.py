@@ -76,7 +76,7 @@ def styles_of(names: Sequence[str]) -> list[Style]:
     ours = method_names()
     styles = list[Style]()
     for name in names:
-        base, options, _ = name.partition(":")
+        base, options, _ = name.replace("+guide", ":guide").partition(":")
         line = DASH_DOTTED if base not in ours else DASHED if options else SOLID
         place = [*NAMED].index(name) if name in NAMED else _checksum(name) // COLOURS
         taken = {style.mark for style in styles}

@@ -85,19 +85,23 @@ class DecodeOptions(Checked):
     )
 
     @property
+    def guide_path(self) -> str | None:
+        """Path of the guide; None without one, and where damaged frames are guides themselves."""
+        return None if self.guide is None or self.guide == OWN else os.fspath(self.guide)
+
+    @property
     def files(self) -> list[Path]:
         """Files of the guide, by whose content an output is told from others."""
-        guide = OWN if self.guide is None else os.fspath(self.guide)
-        if guide == OWN or Path(guide).is_file():
-            return [] if guide == OWN else [Path(guide)]
         from fpsboost.io.images.source import find_images  # noqa: PLC0415 (which needs these options)
 
-        return find_images(guide).files
+        path = self.guide_path
+        if path is None:
+            return []
+        return [Path(path)] if Path(path).is_file() else find_images(path).files
 
     def absolute(self) -> Self:
         """Return the same options for programs in other folders."""
-        guide = self.guide
-        return self if guide in (None, OWN) else replace(self, guide=os.path.abspath(guide or OWN))
+        return self if self.guide_path is None else replace(self, guide=os.path.abspath(self.guide_path))
 
     def names_given(self) -> set[str]:
         """Return the names of the options that are given, but not what ``own`` needs beside these options."""

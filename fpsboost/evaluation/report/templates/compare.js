@@ -214,6 +214,7 @@ class BlindTest {
   constructor(element, player) {
     Object.assign(this, { element, player });
     this.named = player.nameOf;
+    this.methods = player.names.map((_, view) => view).filter((view) => view && player.names[view] !== "guide");
     const clicks = {
       ".begins": () => this.begin(),
       ".ends": () => this.end(),
@@ -222,7 +223,7 @@ class BlindTest {
     };
     for (const [selector, action] of Object.entries(clicks)) this.find(selector).addEventListener("click", action);
     for (const button of all("[data-vote]", element)) button.addEventListener("click", () => this.vote(button.dataset.vote));
-    this.find(".begins").hidden = player.names.length < 3;
+    this.find(".begins").hidden = this.methods.length < 2;
   }
 
   find(selector) {
@@ -254,7 +255,7 @@ class BlindTest {
   /** The next two methods and the next passage. */
   draw() {
     const { player } = this;
-    const methods = player.names.map((_, view) => view).slice(1);
+    const methods = [...this.methods];
     const first = methods.splice(Math.floor(Math.random() * methods.length), 1)[0];
     this.pair = [first, methods[Math.floor(Math.random() * methods.length)]];
     const passages = [...new Set(player.frames.map((frame) => frame.passage))].filter(
