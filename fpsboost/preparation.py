@@ -268,7 +268,7 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, tim
     given = interpolator.names_given() | timing.names_given()
     for option in sorted(given & {"at_cuts='extrapolate'", "match_grain", "mask", "shutter", "uncertain"}):
         raise OptionError(
-            f"`{option}` changes the picture alone, and {first} has layers ({names}); leave it out, or give "
+            f"`{option}` changes only the picture, and {first} has layers ({names}); leave it out, or give "
             "`passes='beauty'`."
         )
     raise OptionError(

@@ -146,7 +146,7 @@ class Remarks(media.Remarks):
             "JPEG is lossy: merged frames {were} encoded anew, which changes them a little outside of the regions too."
         ),
         # the run itself
-        "passages-looked-at": "Of {name}, the first {seconds} s alone were looked at.",
+        "passages-looked-at": "Only the first {seconds} s of {name} were looked at.",
         "not-encrypted": (
             "The connection to {address} was not encrypted, and who reaches that port can run programs on the workers; "
             "use tls:// with the certificates of Dask's configuration."

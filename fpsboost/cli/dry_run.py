@@ -73,7 +73,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     rows = {
         "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{duration}",
         "makes": ", ".join(made),
-        "keeps": ", ".join(kept) or "pictures alone",
+        "keeps": ", ".join(kept) or "only the pictures",
         "takes": "not estimated, as the clip is too short for a trial",
     }
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)

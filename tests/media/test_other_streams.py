@@ -64,7 +64,7 @@ def test_attachments_go_along(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(("output", "kept"), [("out.mkv", "file"), ("out.mp4", "pictures alone")])
+@pytest.mark.parametrize(("output", "kept"), [("out.mkv", "file"), ("out.mp4", "only the pictures")])
 def test_what_is_not_held_is_not_listed_as_kept(fpsboost_, tmp_path, output, kept):
     """Before a conversion it is said that a font would be lost, and it is not among what is kept."""
     write_with(tmp_path / "in.mkv", lambda file, video: file.add_attachment("Sans.ttf", "font/ttf", FONT))
