@@ -80,7 +80,8 @@ def test_page_holds_every_method(text, comparison):
 def test_page_says_how_to_repeat_it(text, comparison):
     """The command names the clip, the methods and what was hidden, and is on the page."""
     hold_out = HoldOut(skip=2, first=1, last=9, decoding=DecodeOptions(input_fps=24))
-    assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
+    words = "fpsboost", "compare", comparison.clip, "-m", "dis,blend,nearest,minterpolate", "--report", "DIR"
+    assert " ".join(f"<span>{word}</span>" for word in words) in text
     assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hold_out=hold_out))
     rendered = replace(comparison, rendered=("--vectors", "my passes"), cut_options=("--no-cuts",))
     assert command(rendered).endswith("--vectors 'my passes' --no-cuts --report DIR")

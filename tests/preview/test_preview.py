@@ -210,7 +210,8 @@ def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_p
     assert [path.name for path in tmp_path.iterdir()] == ["short-preview.html"]
     assert snapshot(short.parent) == before
     text = (tmp_path / "short-preview.html").read_text()
-    assert f"fpsboost {short} {short.with_name('short-30fps.mp4')} --method blend --fps 30</pre>" in text
+    words = "fpsboost", short, short.with_name("short-30fps.mp4"), "--method", "blend", "--fps", "30"
+    assert " ".join(f"<span>{word}</span>" for word in words) + "</pre>" in text
 
 
 @pytest.mark.parametrize(

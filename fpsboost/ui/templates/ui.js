@@ -450,7 +450,7 @@ function place(points) {
     return slopes.length ? `C${x0 + third} ${y0 + third * slopes[k]} ${x1 - third} ${y1 - third * slopes[k + 1]} ${x1} ${y1}` : `L${x1} ${y1}`;
   });
   svg.querySelector(".line").setAttribute("d", `M${at[0].join(" ")}${parts.join("")}`);
-  const labels = [[30, 20, `${top.toFixed(1)} s`], [189, 194, "output"], [344, 190, `${end.toFixed(1)} s`], [30, 11, "source"]];
+  const labels = [[30, 20, `${top.toFixed(1)} s`], [189, 194, "output"], [344, 190, `${end.toFixed(1)} s`], [38, 11, "source"]];
   svg.querySelectorAll("text").forEach((text, number) => {
     const [x, y, words] = labels[number];
     text.setAttribute("x", x);
@@ -502,7 +502,8 @@ function check() {
     const remarks = new Set(found.flatMap((each) => each.remarks));
     const outcomes = found.map((each, place) => make("p", {}, named(place, outcomeOf(each))));
     byId("outcome").replaceChildren(...outcomes, ...[...remarks].map((each) => make("p", { className: "note" }, each)));
-    byId("command").textContent = found.map((each) => each.command).join("\n");
+    const words = found.map((each) => each.command).join("\n").split(/([ \n])/); // none is broken at its hyphens
+    byId("command").replaceChildren(...words.map((word) => (/[ \n]/.test(word) ? word : make("span", {}, word))));
     byId("names").textContent = `Each beside its source: ${found.map((each) => each.name).join(", ")}.`;
     if (!state.isNamed || state.isTaken) form.elements.name.value = found[0].name;
     state.isTaken = false;
