@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, count, cycle, islice, takewhile
-from typing import Annotated, Any, Literal, overload
+from typing import Any, Literal, overload
 
 import cv2
 import numpy as np
@@ -27,12 +27,12 @@ from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF, find_method
-from fpsboost.options import Duplicates, PathName, PositiveInt, Range, Rate, checked
+from fpsboost.options import Duplicates, PathName, PositiveInt, Rate, checked
 from fpsboost.run_options import Progress
 from fpsboost.streaming import interpolate_frames
 from fpsboost.timeline import TimelineOptions
-from fpsboost.timing.options import Timing
-from fpsboost.timing.schedule import MAX_FACTOR, MAX_RATE, parse_rate
+from fpsboost.timing.options import Factor, OutputRate, Timing
+from fpsboost.timing.schedule import parse_rate
 
 
 @checked
@@ -176,9 +176,9 @@ def interpolate_clip(
 @checked
 def interpolate_clip(
     frames: Any,
-    fps: Annotated[Rate, Range(above=0, most=MAX_RATE)],
-    to_fps: Annotated[Rate, Range(above=0, most=MAX_RATE)] | None = None,
-    factor: Annotated[Rate, Range(above=0, most=MAX_FACTOR)] | None = None,
+    fps: OutputRate,
+    to_fps: OutputRate | None = None,
+    factor: Factor | None = None,
     loop: bool = False,
     method: str | Interpolator = "nlm",
     *,

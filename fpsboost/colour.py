@@ -151,6 +151,12 @@ def code_levels(full_range: bool, bits: int) -> Levels:
     return Levels(16 * unit, 219 * unit, 128 * unit, 224 * unit)
 
 
+def inverse_affine(forward: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse of a matrix of (3, 4), whose last column is an offset."""
+    inverse = np.linalg.inv(forward[:, :3])
+    return np.column_stack([inverse, -inverse @ forward[:, 3]])
+
+
 def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDArray[np.float64]:
     """Return the matrix from BGR in [0, top] to the code values of Y, Cb, Cr, (3, 4); the last column is the offset."""
     red, blue = luma_weights[color_space]
@@ -203,9 +209,7 @@ class Coding:
     @cache  # noqa: B019 (a program meets few codings)
     def to_bgr(self) -> NDArray[np.float64]:
         """Return the matrix from code values of Y, Cb, Cr to BGR in [0, 1], in the form of `bgr_to_ycc`."""
-        forward = bgr_to_ycc(self.color_space, self.full_range, self.bits, 1)
-        inverse = np.linalg.inv(forward[:, :3])
-        return np.column_stack([inverse, -inverse @ forward[:, 3]])
+        return inverse_affine(bgr_to_ycc(self.color_space, self.full_range, self.bits, 1))
 
 
 def as_shown(image: np.ndarray) -> np.ndarray:

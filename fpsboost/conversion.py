@@ -119,8 +119,9 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     """
     run = run or RunOptions()
     with prepared(job, run) as ready, ExitStack() as stack:
-        has_guide = job.decoding.guide is not None
-        guides = stack.enter_context(opened_guides(job.decoding, ready.guided)) if has_guide else None
+        guides = None
+        if job.decoding.guide is not None:
+            guides = stack.enter_context(opened_guides(job.decoding, ready.guided))
         clip = ready.clip
         images = clip.whole.stream_info.images
         fingerprint = fingerprint_job(job, run, clip.whole)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
+from textwrap import shorten
 
 from fpsboost.contracts import RandomAccess, Summary
 from fpsboost.errors import InputError, OptionError
@@ -37,8 +37,8 @@ from fpsboost.timing.schedule import Schedule, count_frames
 TOLERANCE = Fraction(1, 4)
 """Farthest that a guide lies from its frame in time, as a part of the interval between output frames."""
 
-MOST_LISTED = 12
-"""Number of ranges of frames that a remark lists."""
+MOST_LISTED = 60
+"""Length of the list of frames in a remark."""
 
 PASS = re.compile(r"(?<![a-z])(normals?|albedo|depth)(?![a-z])")
 """Words in the names of passes that are no pictures."""
@@ -71,8 +71,7 @@ class GuidedClip:
         missing = summary.guides_missing
         count = summary.guided_frames
         if missing and guide != OWN:
-            ranges = as_ranges(self.numbered(missing)).split(", ")
-            numbers = ", ".join(ranges[:MOST_LISTED]) + ", ..." * (len(ranges) > MOST_LISTED)
+            numbers = shorten(as_ranges(self.numbered(missing)), MOST_LISTED, placeholder=" ...")
             made = count + len(missing)
             remarks.add("guide-missing", name=guide, missing=len(missing), frames=made, numbers=numbers)
         if summary.guide_figures:
@@ -93,9 +92,8 @@ class PlacedGuides:
     frames: Iterator[Frame] | None = None
     """Frames of the source, with times after the first one; by default read when the first is asked for."""
 
-    def __post_init__(self) -> None:
-        self._nearest: Frame | None = None
-        self._following: Frame | None = None
+    near: list[Frame] = field(default_factory=list)
+    """The last frames that were read, one before the frame that was asked for last and one after it."""
 
     def _wanted(self, place: FramePlace) -> tuple[Fraction, Fraction]:
         """Return when the source shows the guide of a frame, after its first frame, and the tolerance; seconds."""
@@ -107,13 +105,10 @@ class PlacedGuides:
         """Return the picture that is nearest to a frame; see `fpsboost.timeline.Guides`."""
         at, tolerance = self._wanted(place)
         self.frames = self.frames or self._read_from(at)
-        if self._nearest is None:
-            self._nearest = next(self.frames)
-            self._following = next(self.frames, None)
-        while self._following is not None and abs(self._following.time - at) < abs(self._nearest.time - at):
-            self._nearest = self._following
-            self._following = next(self.frames, None)
-        return self._nearest.image if abs(self._nearest.time - at) <= tolerance else None
+        while not (self.near and self.near[-1].time >= at) and (following := next(self.frames, None)):
+            self.near = [*self.near[-1:], following]
+        nearest = min(self.near, key=lambda each: abs(each.time - at))
+        return nearest.image if abs(nearest.time - at) <= tolerance else None
 
     def _read_from(self, at: Fraction) -> Iterator[Frame]:
         """Yield frames with their times after the first one, from the last one before a time on."""
@@ -169,8 +164,8 @@ def placed_guides(path: str, decoding: DecodeOptions, clip: GuidedClip) -> Itera
         step = following - first
         if clip.stream.images is not None:  # those of a video are taken in order
             offset = Fraction(first - numbers[0])
-    reading = DecodeOptions(input_fps=None if step is None else Fraction(1))
-    with open_source(path, requirements=clip.requirements, decoding=reading, fill_gaps=step is not None) as source:
+    reading = DecodeOptions(input_fps=step and Fraction(1))
+    with open_source(path, requirements=clip.requirements, decoding=reading, fill_gaps=bool(step)) as source:
         if step is None and clip.stream.images is not None and decoding.input_fps is None:
             raise OptionError(f"{path} goes by time, and images have no frame rate; say it with `input_fps`.")
         _check_files(path, source.stream_info.files[0], clip.stream.files)
@@ -184,7 +179,7 @@ def placed_guides(path: str, decoding: DecodeOptions, clip: GuidedClip) -> Itera
 
 def _check_files(path: str, file: Path, of_clip: Sequence[Path]) -> None:
     """Raise `OptionError` if the first file of a guide is one of the clip itself, or by its name no picture of it."""
-    if os.path.realpath(file) in map(os.path.realpath, of_clip):
+    if any(map(file.samefile, of_clip)):
         raise OptionError(f"`guide` {path} is the input itself; name a cheap clip of the frames to be made.")
     layers = contents_of(read_exr_header(file)).pictures[:1] if extension_of(file.name) == ".exr" else []
     found = PASS.search(" ".join([file.name, *layers]).lower())
@@ -201,10 +196,5 @@ def _check_overlap(path: str, guides: PlacedGuides, clip: GuidedClip) -> None:
     frames = count_frames(clip.schedule, info, holds_last_frame=False)
     end = info.duration if guides.step is None else frames and frames * guides.step
     length = guides.source.info.duration
-    if (end is None or guides.offset > -end) and (length is None or guides.offset < length):
-        return
-    cure = "correct `guide_offset`"
-    if guides.step is not None:
-        first, last = clip.numbered([0, (frames or 1) - 1])
-        cure = f"number the guides {first} to {last}, like the output"
-    raise InputError(f"{path} shows none of the frames that are made; {cure}.")
+    if (end is not None and guides.offset <= -end) or (length is not None and guides.offset >= length):
+        raise InputError(f"{path} shows none of the frames; number it like the output, or correct `guide_offset`.")

@@ -62,8 +62,7 @@ def check_guide_size(name: str, size: tuple[int, ...], of_frames: tuple[int, ...
     height, width = size
     most_height, most_width = of_frames
     sizes = f"{name} has {width}x{height} pixels, and the frames have {most_width}x{most_height}"
-    if width > most_width or height > most_height:
-        raise InputError(f"{sizes}; make the guide as large as them at most.")
     # sizes are rounded to whole pixels, and those of videos to even ones
-    if abs(width * most_height - height * most_width) > max(of_frames):
-        raise InputError(f"{sizes}, another shape; crop or render the guide like the frames.")
+    is_other = abs(width * most_height - height * most_width) > max(of_frames)
+    if is_other or width > most_width or height > most_height:
+        raise InputError(f"{sizes}; crop or render the guide in their shape, and at most as large.")

@@ -238,7 +238,7 @@ class Interpolator(Checked):
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         pair.image0.guide, pair.image1.guide = key_guides or (None, None)
-        made = interpolator.images(pair, times, guides=guides)
+        made = interpolator.images(pair, times, guides=guides or ())
         arrays = [view(image).array() for image, _ in made]
         if any(0 < t < 1 for t in times) and pair.is_cut:
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=3)
@@ -272,7 +272,7 @@ class Interpolator(Checked):
         times: Sequence[float | Fraction],
         *,
         with_confidence: bool = False,
-        guides: Sequence[FrameImage | None] | None = None,
+        guides: Sequence[FrameImage | None] = (),
     ) -> Iterator[InterpolatedImage]:
         """Interpolate like `interpolate`, but one image at a time, along curved trajectories, and with confidence.
 
@@ -290,8 +290,8 @@ class Interpolator(Checked):
             `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames, and 1 for the frames
             themselves.
         guides : sequence of (h, w, C) array, YCbCrImage, LayeredImage or None, optional
-            A cheap picture for every time, which the image follows; None where there is none. Those of the two frames
-            are their `FrameCache.guide`. `Pair.findings` has what they tell.
+            A cheap picture for every time, which the image follows; None where there is none, and none at all without.
+            Those of the two frames are their `FrameCache.guide`. `Pair.findings` has what they tell.
 
         Returns
         -------
@@ -306,9 +306,7 @@ class Interpolator(Checked):
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return self._images(
-            pair, times, [None] * len(times) if guides is None else guides, with_confidence=with_confidence
-        )
+        return self._images(pair, times, guides, with_confidence=with_confidence)
 
     def _images(
         self,
@@ -320,7 +318,7 @@ class Interpolator(Checked):
     ) -> Iterator[InterpolatedImage]:
         inner = [float(t) for t in times if 0 < t < 1]
         images = self._synthesize(pair, inner, with_confidence=with_confidence) if inner else iter(())
-        for t, guide in zip(times, guides, strict=True):
+        for t, guide in zip(times, guides or [None] * len(times), strict=True):
             frame = pair.image1 if t == 1 else pair.image0
             image, confidence = next(images) if 0 < t < 1 else InterpolatedImage(frame.image.copy())
             if with_confidence and confidence is None:  # no motion connects the frames, or it is one of them
@@ -390,8 +388,9 @@ class Interpolator(Checked):
 def _guided(pair: Pair, made: InterpolatedImage, picture: FrameImage, t: float | Fraction) -> InterpolatedImage:
     """Return an image as its guide shows it, and keep what the guide tells with the pair."""
     check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
-    is_damaged = pair.image0.guide is pair.image0.image  # as is a frame that guides its own repair
-    guide = Guide(picture, pair.image0.guide, pair.image1.guide, is_damaged)
-    guided = follow_guide(pair.image0, pair.image1, made, guide, float(t))
+    image0 = pair.image0
+    image1 = pair.image1
+    is_damaged = image0.guide is image0.image  # as is a frame that guides its own repair
+    guided = follow_guide(image0, image1, made, Guide(picture, image0.guide, image1.guide, is_damaged), float(t))
     pair.findings[t] = guided.findings
     return InterpolatedImage(guided.image, guided.confidence)

@@ -22,7 +22,7 @@ from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import Look, OutputTiming, StreamFacts, counted, look_of, try_out
+from fpsboost.media import Look, OutputTiming, StreamFacts, look_of, try_out
 from fpsboost.method_table import methods
 from fpsboost.options import AnyDuplicates
 from fpsboost.pair import Pair, with_neighbours
@@ -37,6 +37,9 @@ from fpsboost.timing.schedule import count_frames
 SEAM_LIMIT = 1.25
 """Dissimilarity of the last and the first frame of a loop, at most, as a multiple of that of the frames beside them. It
 is 1 with turntables, and above 2.2 in 22 clips that are no loops."""
+
+
+NO_PICTURE = np.zeros((1, 1, 3), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -262,31 +265,27 @@ def probe_guide(path: str, decoding: DecodeOptions) -> Remarks:
 
 
 def find_guides(ready: Preparation) -> Remarks:
-    """Return remarks on which frames a conversion will make with a guide and without, as far as files tell it."""
+    """Return the remark on frames that a conversion will make without guide, if files tell it and there are some."""
     decoding = ready.job.decoding
-    remarks = Remarks()
     source = ready.clip.source
     path = decoding.guide_path
     if path is None:
-        return remarks
+        return Remarks()
     with placed_guides(path, decoding, ready.guided) as guides:
         times = source.frame_times()
         times_of_guide = guides.source.frame_times()
     if not (times and times_of_guide):
-        remarks.add("guide-unread", name=path)
-        return remarks
+        return Remarks()
     guides.frames = _without_pictures(times_of_guide)
     options = replace(ready.timeline, duplicates=None, guides=guides.picture)
     timeline = Timeline(source, ready.schedule, ready.interpolator, Summary(), OutputRange(), options)
     intervals = timeline.intervals(_without_pictures(times))
     made = [output for interval in intervals for output in interval.interpolated]
     missing = [output.number for output in made if output.guide is None]
-    remarks = ready.guided.remarks(path, Summary(guided_frames=len(made) - len(missing), guides_missing=missing))
-    if not missing:
-        remarks.add("guide-complete", name=path, frames=counted(len(made), "frame"))
-    return remarks.expected
+    found = Summary(guided_frames=len(made) - len(missing), guides_missing=missing)
+    return ready.guided.remarks(path, found).expected
 
 
 def _without_pictures(times: Sequence[Fraction]) -> Iterator[Frame]:
     """Yield frames of one pixel with the times of others, from the first one on."""
-    return (Frame(np.zeros((1, 1, 3), np.uint8), time - times[0], Fraction(0)) for time in times)
+    return (Frame(NO_PICTURE, time - times[0], Fraction(0)) for time in times)

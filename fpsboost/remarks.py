@@ -91,8 +91,6 @@ class Remarks(media.Remarks):
             "pixels per frame, and of these frames."
         ),
         # guides
-        "guide-unread": "Which frames have a picture in {name} is known when it is read.",
-        "guide-complete": "{name} has a picture of each of the {frames} to be made.",
         "guide-missing": (
             "{name} has no picture of {missing} of the {frames} frames that are made ({numbers}); these {were} made "
             "without guide."

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
+from fpsboost.analysis.guide_order import CLEAR, relative_misfit
 from fpsboost.contracts import Entry, FrameSource, HasPositions, OutputRange, SourceMoment, Summary
 from fpsboost.errors import InputError
 from fpsboost.frame import Frame
@@ -181,6 +182,8 @@ class Timeline:
     """Previous group of frames."""
     end: Fraction = Fraction(0)
     """Time at which the clip ends, when all frames are read."""
+    misfit: float = 1.0
+    """How much less the frames of the previous pair fit the guides beside their own; see `relative_misfit`."""
     captions: list[tuple[Fraction, bytes]] = field(default_factory=list)
     """Closed captions of the frames read, with their times, that no output frame has yet."""
 
@@ -264,6 +267,14 @@ class Timeline:
         pair = self.interpolator.pair(group[0], following, duration, apart=apart, is_gap=is_gap)
         is_counted = first_output in self.outputs
         self._give_guide(following)
+        guides = [each.guide for each in scheduled if each.is_made]
+        if guides and self.misfit < 1 / CLEAR:  # no guide has fitted its own frame yet
+            before = self.misfit
+            self.misfit = min(relative_misfit(group[0], guides[0]), relative_misfit(following, guides[-1]))
+            if max(before, self.misfit) < CLEAR:
+                raise InputError(
+                    "`guide` shows the frames beside; correct the numbers of its files, or `guide_offset`."
+                )
         return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted)
 
     def _give_guide(self, source: SourceFrame) -> None:

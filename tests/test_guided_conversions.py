@@ -1,5 +1,6 @@
 """Conversions with guides from end to end, of a scene that is drawn here: a square jumps before a moving texture."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fpsboost import Part, RunOptions, Summary, convert, join
+from fpsboost import InputError, Part, RunOptions, Summary, convert, join
 from fpsboost.contracts import SilentObserver
 from support.exr_truth import content, write_exr
 
@@ -20,7 +21,7 @@ LAST = 9
 
 RENDERED = (1, 5, 9)
 MADE = (2, 3, 4, 6, 7, 8)
-JUMPS = (0, 8, 31, 6, 14, 17, 40, 9, 20, 24)
+JUMPS = (3, 8, 31, 6, 14, 17, 40, 9, 20, 24, 35)
 """Place of the square by the number of the frame."""
 
 
@@ -72,6 +73,50 @@ def test_all_numbers_between_are_made_by_their_own_guides(clip: Path) -> None:
     for number, name in zip(MADE, names, strict=True):
         made, alone = (decibels(scene(number), cv2.imread(str(clip / folder / name))) for folder in ("out", "alone"))
         assert made > max(28, alone + 5), number
+
+
+def noisy(image: Array) -> Array:
+    noise = np.random.default_rng(7).normal(0, 25, image.shape)
+    return (image + noise).clip(0, 255).astype(np.uint8)
+
+
+def recoloured(image: Array) -> Array:
+    shaded = np.sqrt(image[..., ::-1] / 255) * np.linspace(0.4, 1, WIDTH)[:, np.newaxis]
+    return np.rint(shaded * 255).astype(np.uint8)
+
+
+def guides_as(clip: Path, drawn: Callable[[int], Array]) -> None:
+    """Write other guides, drawn by the numbers of their files."""
+    for number in range(1, LAST + 1):
+        cv2.imwrite(str(clip / f"cheap/c_{number:04}.png"), drawn(number))
+
+
+@pytest.mark.parametrize("shift", [-1, 1])
+@pytest.mark.parametrize("change", [small, noisy])
+def test_guides_that_show_the_frames_beside_are_refused(clip: Path, change: Any, shift: int) -> None:
+    """By the guides of the first frames; nothing is written."""
+    guides_as(clip, lambda number: change(scene(number + shift)))
+    with pytest.raises(InputError, match="`guide` shows the frames beside; correct the numbers of its files, or `guid"):
+        convert_it(clip, "out")
+    assert not (clip / "out").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        lambda number: scene(1),
+        lambda number: noisy(scene(number)),
+        lambda number: recoloured(scene(number)),
+        lambda number: np.roll(scene(number), 2, axis=1),
+        lambda number: np.roll(scene(number), -2, axis=1),
+    ],
+    ids=["still", "noisy", "recoloured", "to the right", "to the left"],
+)
+def test_other_guides_than_usual_are_in_order(clip: Path, drawn: Any) -> None:
+    """Such as those that hardly differ from frame to frame, or lie beside the frames by as much as these move."""
+    guides_as(clip, drawn)
+    assert convert_it(clip, "out").guided_frames == len(MADE)
 
 
 class Stop(SilentObserver):

@@ -156,14 +156,19 @@ def _estimate_in_part(image0: FrameCache, image1: FrameCache, everywhere: Illumi
         if gain is None:
             return None
     model = IlluminationModel(gain * everywhere.gain, gain * everywhere.offset)
-    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
+    small0, small1 = _small_copies(image0, image1)
     in_lights = _measure_similarity(small0, small1, model)
     return (sum(in_lights) / 2, model) if min(in_lights) > LOCAL_MIN_SCORE else None
 
 
+def _small_copies(*images: FrameCache) -> list[Image]:
+    """Return small copies of frames."""
+    return [image.cached(small_copy, SMALL_COPY_SIDE) for image in images]
+
+
 def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> Estimate | None:
     """Estimate the change of light that the whole picture shares; None if there is none."""
-    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
+    small0, small1 = _small_copies(image0, image1)
     white = np.float32(max(1.0, float(small0.max()), float(small1.max())))
     illumination = _match_mean_and_deviation(small0, small1, white)
     small0 = small0 / white
@@ -185,7 +190,7 @@ def compensate_either(
     image0: FrameCache, image1: FrameCache, illumination: IlluminationModel
 ) -> tuple[tuple[FrameCache, FrameCache], ...]:
     """Return small copies of two frames, under the illumination of frame 0 and under that of frame 1."""
-    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
+    small0, small1 = _small_copies(image0, image1)
     in_light0 = (small0, illumination.undo(small1))
     in_light1 = (illumination.apply(small0, 1, small0.dtype), small1)
     return tuple((image0.with_image(first), image1.with_image(second)) for first, second in (in_light0, in_light1))
@@ -326,8 +331,7 @@ def _match_mean_and_deviation(small0: Image, small1: Image, white: np.float32) -
     (mean0, deviation0), (mean1, deviation1) = (
         [each.ravel().astype(np.float32) / white for each in cv2.meanStdDev(small)] for small in (small0, small1)
     )
-    gain = ((deviation1 + 1e-3) / (deviation0 + 1e-3)).clip(1 / MAX_GAIN, MAX_GAIN)
-    return IlluminationModel(gain.astype(np.float32), (mean1 - gain * mean0).astype(np.float32))
+    return _model_between(mean0, mean1, (deviation1 + 1e-3) / (deviation0 + 1e-3))
 
 
 def _fit_along_motion(small0: Image, small1: Image, field01: MotionField) -> IlluminationModel:
@@ -338,5 +342,10 @@ def _fit_along_motion(small0: Image, small1: Image, field01: MotionField) -> Ill
     mean0, mean1 = ((weight * colours).sum(axis=0) for colours in (colours0, colours1))
     covariance = (weight * (colours0 - mean0) * (colours1 - mean1)).sum(axis=0)
     variance = (weight * (colours0 - mean0) ** 2).sum(axis=0)
-    gain = (covariance / (variance + 1e-6)).clip(1 / MAX_GAIN, MAX_GAIN)
+    return _model_between(mean0, mean1, covariance / (variance + 1e-6))
+
+
+def _model_between(mean0: np.ndarray, mean1: np.ndarray, gain: np.ndarray) -> IlluminationModel:
+    """Return the model that leads from one mean to another by a gain within limits."""
+    gain = gain.clip(1 / MAX_GAIN, MAX_GAIN)
     return IlluminationModel(gain.astype(np.float32), (mean1 - gain * mean0).astype(np.float32))

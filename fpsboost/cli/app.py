@@ -20,7 +20,7 @@ from rich.table import Table
 from fpsboost import __version__
 from fpsboost.cli import stop_signals
 from fpsboost.cli.errors import PIPE, all_explained, standard_output_finished
-from fpsboost.cli.flags import GROUPS, MAIN, OWN_OPTIONS, Further, Input, default_text, with_flags
+from fpsboost.cli.flags import GROUPS, MAIN, OWN_OPTIONS, Cuts, Further, Input, Reading, default_text, with_flags
 from fpsboost.cli.library_texts import LibraryTexts, library_texts, native_stderr_captured
 from fpsboost.cli.messages import (
     as_objects,
@@ -34,7 +34,6 @@ from fpsboost.cli.messages import (
     sentence,
 )
 from fpsboost.cli.options import (
-    CutOptions,
     JoinOptions,
     MessageOptions,
     MethodOptions,
@@ -45,7 +44,6 @@ from fpsboost.cli.options import (
 from fpsboost.cli.stopping import stopping_on
 from fpsboost.cluster import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.remarks import Remarks
@@ -130,10 +128,10 @@ def convert(
     output: Annotated[PathName | None, Parameter(name="OUT")] = None,
     /,
     *more: Further,
-    decoding: Annotated[DecodeOptions, GROUPS["Input"]],
+    decoding: Reading,
     timing: Annotated[Timing, GROUPS["Rate"]],
     motion: Annotated[MethodOptions, GROUPS["Method"]],
-    cuts: Annotated[CutOptions, GROUPS["Scenes"]],
+    cuts: Cuts,
     encoding: Annotated[Encoding, GROUPS["Encoding"]],
     run_options: Annotated[RunOptions, GROUPS["Run"]],
     where: Annotated[ClusterOptions, GROUPS["Run"]],

@@ -25,7 +25,7 @@ from rich.table import Column, Table
 import fpsboost
 from fpsboost import evaluation
 from fpsboost.cli import messages
-from fpsboost.cli.flags import GROUPS, Further, Input, with_flags
+from fpsboost.cli.flags import Cuts, Further, Input, with_flags
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import (
     ComparedMethodOptions,
@@ -66,7 +66,7 @@ def compare(
     decoding: Annotated[DecodeOptions, frames_group],
     frames: Annotated[HoldOutOptions, frames_group],
     method_options: Annotated[ComparedMethodOptions, Group("Methods", sort_key=2)],
-    at_cuts: Annotated[CutOptions, GROUPS["Scenes"]],
+    at_cuts: Cuts,
     results: Annotated[ResultOptions, Group("Results", sort_key=3)],
 ) -> None:
     """Hide frames, interpolate them and score each method.
@@ -338,8 +338,9 @@ def choose(
                 method_of_text = fpsboost.find_method(text, vectors if takes_vectors else None)
                 ours = evaluation.ComparedInterpolator(cuts.applied_to(method_of_text))
                 compared_methods[text] = ours
-                if guide is not None and not any("+guide" in each for each in compared_methods):
+                if guide is not None:
                     compared_methods[text.replace(name, f"{name}+guide", 1)] = replace(ours, follows_guides=True)
+                    guide = None  # the first one alone
     return compared_methods, skipped
 
 

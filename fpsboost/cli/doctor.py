@@ -16,14 +16,13 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from itertools import groupby
 from operator import attrgetter
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
 from fpsboost import __version__
-from fpsboost.cli.flags import OWN_OPTIONS
+from fpsboost.cli.flags import OwnFlag
 from fpsboost.cli.messages import console, literal
 from fpsboost.memory import available_memory
 from fpsboost.threads import available_cores
@@ -31,7 +30,7 @@ from fpsboost.threads import available_cores
 MAX_WIDTH = 100
 
 
-def doctor(*, json: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False) -> None:
+def doctor(*, json: OwnFlag = False) -> None:
     """Check whether fpsboost works on this machine.
 
     Parameters

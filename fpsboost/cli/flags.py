@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from cyclopts import Group, Parameter
 
-from fpsboost.cli.options import METHOD_HELP, PathName, option_classes
+from fpsboost.cli.options import METHOD_HELP, CutOptions, PathName, option_classes
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import Flag, flags_of, options_from
 
 QUOTES = "'\""
@@ -48,8 +49,11 @@ MAIN_OPTIONS = ("--factor", "--fps", "--slow-motion", "--speed", "--method", "--
 OWN_OPTIONS = Group("Options", sort_key=1)
 """Group of a command's options, if it has a single one."""
 
+OwnFlag = Annotated[bool, Parameter(group=OWN_OPTIONS)]
 Input = Annotated[PathName, Parameter(name="IN")]
 """Argument of a command that is a clip."""
+Reading = Annotated[DecodeOptions, GROUPS["Input"]]
+Cuts = Annotated[CutOptions, GROUPS["Scenes"]]
 Further = Annotated[PathName, Parameter(show=False)]
 """Argument that may be repeated, which the usage shows."""
 

@@ -10,14 +10,13 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.compare import split_methods
-from fpsboost.cli.flags import GROUPS, Input, in_flags, with_flags
+from fpsboost.cli.flags import Cuts, Input, Reading, in_flags, with_flags
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import CutOptions, MethodOptions, PathName, PreviewOptions, command_line
+from fpsboost.cli.options import MethodOptions, PathName, PreviewOptions, command_line
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.io.new_output import write_whole
 from fpsboost.io.opening import PIPES, Target
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
 from fpsboost.run_options import RunOptions
@@ -31,9 +30,9 @@ def preview(
     /,
     *,
     options: Annotated[PreviewOptions, Group("Preview", sort_key=0)],
-    decoding: Annotated[DecodeOptions, GROUPS["Input"]],
+    decoding: Reading,
     timing: Annotated[Timing, Group("Rate", sort_key=1)],
-    cuts: Annotated[CutOptions, GROUPS["Scenes"]],
+    cuts: Cuts,
 ) -> None:
     """Show passages of a clip before and after, and estimate the time of the whole conversion.
 

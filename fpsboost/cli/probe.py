@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
-from fpsboost.cli.flags import OWN_OPTIONS, Input, in_flags
+from fpsboost.cli.flags import OWN_OPTIONS, Input, OwnFlag, in_flags
 from fpsboost.cli.messages import as_objects, fact_table, literal, sentence
 from fpsboost.cli.options import PathName
 from fpsboost.errors import rounded
@@ -33,10 +33,10 @@ def probe(
     *,
     input_fps: Annotated[str | None, Parameter(group=OWN_OPTIONS, metavar="RATE")] = None,
     stream: Annotated[int | None, Parameter(group=OWN_OPTIONS, metavar="N")] = None,
-    allow_playlists: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False,
+    allow_playlists: OwnFlag = False,
     guide: Annotated[PathName | None, Parameter(group=OWN_OPTIONS, metavar="PATH")] = None,
     guide_offset: Annotated[str, Parameter(group=OWN_OPTIONS, metavar="S")] = "0",
-    json: Annotated[bool, Parameter(group=OWN_OPTIONS)] = False,
+    json: OwnFlag = False,
 ) -> None:
     """Print the properties of a clip, and what a conversion keeps.
 

@@ -90,7 +90,7 @@ class ComparedInterpolator:
 
     def _timed(self, pair: Pair, chosen: Sequence[HeldOutFrame]) -> Iterator[InterpolatedFrame]:
         """Yield the chosen frames of an interval with the time that each took."""
-        guides = [hidden.source.guide for hidden in chosen] if self.follows_guides else None
+        guides = [hidden.source.guide for hidden in chosen] if self.follows_guides else ()
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen], guides=guides)
         for hidden in chosen:
             begin = time.perf_counter()
@@ -109,8 +109,7 @@ class ComparedInterpolator:
             last = image
 
     def describe(self) -> str:
-        guides = ", following guides" if self.follows_guides else ""
-        return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}{guides}"
+        return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}"
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,8 @@ if TYPE_CHECKING:  # --help does not wait for NumPy
 DEFAULT_FACTOR = Fraction(2)
 """Output frames per source frame if no rate is given."""
 
+Factor = Annotated[Rate, Range(above=0, most=MAX_FACTOR)]
+OutputRate = Annotated[Rate, Range(above=0, most=MAX_RATE)]
 SlowSound = Literal["drop", "stretch"]
 """Treatment of sound at other speeds than the source's."""
 
@@ -98,12 +100,10 @@ class Timing(Checked):
     (Fraction(4, 1), Fraction(60000, 1001))
     """
 
-    factor: Annotated[Rate, Range(above=0, most=MAX_FACTOR)] | None = option(
+    factor: Factor | None = option(
         None, "Output frames per input frame: 3, 5/2; else 2.", short="f", metavar="N", parse=parse_number
     )
-    fps: Annotated[Rate, Range(above=0, most=MAX_RATE)] | None = option(
-        None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate
-    )
+    fps: OutputRate | None = option(None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate)
     keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio at other speeds: drop or stretch.")

@@ -143,8 +143,7 @@ def enlarged_guide(hidden: HeldOutFrame) -> Image:
     """Return the guide of a frame as a screen shows it, at the size of the frame; black if there is none."""
     if hidden.source.guide is None:
         return np.zeros_like(hidden.truth)
-    height, width = hidden.truth.shape[:2]
-    return cv2.resize(as_shown(view(hidden.source.guide).array()), (width, height))
+    return cv2.resize(as_shown(view(hidden.source.guide).array()), hidden.truth.shape[1::-1])
 
 
 def view_motion(

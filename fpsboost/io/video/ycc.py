@@ -12,7 +12,7 @@ import numpy as np
 from av import VideoFormat, VideoFrame
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.colour import Coding, bgr_to_ycc, luma_weights
+from fpsboost.colour import Coding, bgr_to_ycc, inverse_affine, luma_weights
 from fpsboost.frame import Frame
 from fpsboost.image import Image, Pixels, YCbCrImage, view
 from fpsboost.media import (
@@ -65,9 +65,7 @@ def to_bgr(picture: VideoFrame, reformatter: VideoReformatter | None = None, *, 
     else:
         planar = reformatted(picture, scaler, full_chroma(bits), full)
         forward = bgr_to_ycc(color_space_of(picture), full, bits_of(planar), top)
-        inverse = np.linalg.inv(forward[:, :3])
-        backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
-        image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
+        image = cv2.transform(cv2.merge(plane_arrays(planar)), inverse_affine(forward))
     if not keeps_alpha:
         return image
     planar = reformatted(picture, scaler, full_chroma(bits).replace("yuv", "yuva"), full)
