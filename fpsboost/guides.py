@@ -59,11 +59,11 @@ class GuidedClip:
     requirements: TargetRequirements
     """How the clip is read."""
 
-    def numbered(self, frames: Iterable[int]) -> list[int]:
-        """Return the numbers of output frames, counted from 0, as those of the images that are written."""
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """Number of the first output frame, as the images that are written have it, and the step to the next one."""
         images = self.stream.images
-        first, step = (0, 1) if images is None else images.output_numbers(self.factor)
-        return [first + step * frame for frame in frames]
+        return (0, 1) if images is None else images.output_numbers(self.factor)
 
     def remarks(self, guide: PathName | None, summary: Summary) -> Remarks:
         """Return the remarks on a conversion with a guide."""
@@ -71,7 +71,9 @@ class GuidedClip:
         missing = summary.guides_missing
         count = summary.guided_frames
         if missing and guide != OWN:
-            numbers = shorten(as_ranges(self.numbered(missing)), MOST_LISTED, placeholder=" ...")
+            first, step = self.numbers
+            numbers = as_ranges(first + step * number for number in missing)
+            numbers = shorten(numbers, MOST_LISTED, placeholder=" ...")
             made = count + len(missing)
             remarks.add("guide-missing", name=guide, missing=len(missing), frames=made, numbers=numbers)
         if summary.guide_figures:
@@ -91,7 +93,6 @@ class PlacedGuides:
     """Seconds of the source from an output frame to the next; None if guides go by time."""
     frames: Iterator[Frame] | None = None
     """Frames of the source, with times after the first one; by default read when the first is asked for."""
-
     near: list[Frame] = field(default_factory=list)
     """The last frames that were read, one before the frame that was asked for last and one after it."""
 
@@ -160,8 +161,7 @@ def placed_guides(path: str, decoding: DecodeOptions, clip: GuidedClip) -> Itera
         numbers = find_images(path).numbers
         if not numbers:
             raise InputError(f"The images of {path} have no numbers; give them those of the output frames.")
-        first, following = clip.numbered([0, 1])
-        step = following - first
+        first, step = clip.numbers
         if clip.stream.images is not None:  # those of a video are taken in order
             offset = Fraction(first - numbers[0])
     reading = DecodeOptions(input_fps=step and Fraction(1))
