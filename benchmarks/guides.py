@@ -40,6 +40,7 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image, view
 from fpsboost.pair import with_neighbours
 from fpsboost.synthesis import InterpolatedImage
+from fpsboost.synthesis.guided import GuidedPair, GuideFindings, describe_findings
 
 Figures = dict[str, float]
 
@@ -216,32 +217,24 @@ def measure_kind(material: Material, shot: Shot, kind: str, hiding: Hiding) -> d
     """Make the hidden frames of a clip with guides of a kind, and score them: means over the frames."""
     guides = prepare_guides(material, shot, kind, hiding)
     caches: dict[int, FrameCache] = {}
-    rows, findings, refusals = list[Figures](), list[Figures](), list[str]()
+    rows, findings = list[Figures](), list[Figures]()
     for hidden in shot.hidden:
         # as in a conversion, a key frame is prepared once for all guides, and forgotten after its second pair
         caches = {n: caches.get(n) or FrameCache(shot.frames[n], None, position_of(n)) for n in hidden[1:]}
-        guided, seconds = follow(caches[hidden.key0], caches[hidden.key1], hidden, shot, guides)
+        guided, told, seconds = follow(caches[hidden.key0], caches[hidden.key1], hidden, shot, guides)
         truth = shot.frames[hidden.number]
         row = {
             "ordinary": shot.scores[hidden.number]["psnr"],
             "alone": guides.alone[hidden.number]["psnr"],
             "cpu": seconds * USUAL_PIXELS / (truth.shape[0] * truth.shape[1]),
-            "confidence": float("nan"),
+            "confidence": float("nan") if guided.confidence is None else float(np.mean(guided.confidence)),
         }
-        if isinstance(guided, FpsboostError):
-            refusals.append(str(guided))
-            image = view(shot.made[hidden.number].image).array()
-        else:
-            if guided.confidence is not None:
-                row["confidence"] = float(np.mean(guided.confidence))
-            image = view(guided.image).array()
-            findings.append(guided.findings._asdict())
+        image = view(guided.image).array()
+        findings.append(told._asdict())
         rows.append({**row, **score_image(truth, image, quick=hiding.quick)})
     return {
         **means(rows),
-        "refused": len(refusals),
-        "refusals": sorted(set(refusals)),
-        "findings": means(findings) if findings else {},
+        "findings": means(findings),
     }
 
 
@@ -250,18 +243,16 @@ def position_of(number: int) -> SourcePosition:
     return SourcePosition(number, Fraction(number))
 
 
-def follow(image0: FrameCache, image1: FrameCache, hidden: Hidden, shot: Shot, guides: Guides) -> tuple[Any, float]:
-    """Return a hidden frame as it is made with its guide, or the error that refuses it, and the CPU seconds."""
-    from fpsboost.synthesis.guided import Guide, follow_guide  # noqa: PLC0415 (so that --help needs none of it)
-
-    known = guides.pictures
-    guide = Guide(known[hidden.number], known.get(hidden.key0), known.get(hidden.key1))
+def follow(
+    image0: FrameCache, image1: FrameCache, hidden: Hidden, shot: Shot, guides: Guides
+) -> tuple[InterpolatedImage, GuideFindings, float]:
+    """Return a hidden frame as it is made with its guide, what that tells, and the CPU seconds."""
+    for image, number in ((image0, hidden.key0), (image1, hidden.key1)):
+        image.guide = guides.pictures.get(number)
     begin = time.process_time()
-    try:
-        guided = follow_guide(image0, image1, shot.made[hidden.number], guide, float(hidden.t))
-    except FpsboostError as error:
-        return error, time.process_time() - begin
-    return guided, time.process_time() - begin
+    made = shot.made[hidden.number]
+    image, told = GuidedPair(image0, image1).follow(made, guides.pictures[hidden.number], float(hidden.t))
+    return image, told, time.process_time() - begin
 
 
 def measure_material(material: Material, kinds: Sequence[str], hiding: Hiding) -> dict[str, dict[str, Any]]:
@@ -286,12 +277,10 @@ def summarise(kind: str, clips: Mapping[str, Mapping[str, Any]]) -> dict[str, An
     if kind == "none":
         return found
     gains = {name: row["psnr"] - row["ordinary"] for name, row in clips.items()}
-    known = [row["findings"] for row in clips.values() if row["findings"]]
     return {
         **found,
         "worse": {name: gains[name] for name in sorted(gains, key=gains.__getitem__) if gains[name] < -WORSE},
-        "refused": sum(row["refused"] for row in clips.values()),
-        "findings": means(known) if known else {},
+        "findings": means([row["findings"] for row in clips.values()]),
     }
 
 
@@ -299,7 +288,7 @@ def table_of(title: str, summaries: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return a table with a row for every kind."""
     titles = ("alone, dB", "ordinary", "guided", "SSIM", "wrong", "spurious", "missing", "worse", "CPU, s")
     table = Table("guide", title=title, box=None)
-    for each in (*titles, "refused"):
+    for each in titles:
         table.add_column(each, justify="right")
 
     def text(row: Mapping[str, Any], name: str, digits: int = 2) -> str:
@@ -318,7 +307,6 @@ def table_of(title: str, summaries: Mapping[str, Mapping[str, Any]]) -> Table:
             *(text(row, name) for name in ("wrong", "spurious", "missing")),
             "" if is_none else f"{len(worse)}" + (f" ({min(worse.values()):.1f})" if worse else ""),
             text(row, "cpu", 3),
-            str(row.get("refused") or ""),
         )
     return table
 
@@ -394,8 +382,6 @@ def groups_of(options: argparse.Namespace) -> Iterator[tuple[str, list[str], Ite
 
 def print_findings(summaries: Mapping[str, Mapping[str, Any]], console: Console) -> None:
     """Print in words what was found of the guides of each kind."""
-    from fpsboost.synthesis.guided import describe_findings  # noqa: PLC0415 (as in `follow`)
-
     for kind, row in summaries.items():
         if row.get("findings"):
             console.print(f"{kind}: {describe_findings(row['findings'])}", highlight=False, markup=False)
@@ -411,8 +397,6 @@ def show(title: str, found: Mapping[str, Mapping[str, Any]], console: Console) -
         if row.get("worse"):
             listed = ", ".join(f"{name} {gain:.2f}" for name, gain in row["worse"].items())
             console.print(f"{kind}, worse than without: {listed}", highlight=False)
-        for reason in sorted({each for clip in found[kind].values() for each in clip.get("refusals", ())}):
-            console.print(f"{kind}, refused: {reason}", highlight=False, markup=False)
     return summaries
 
 

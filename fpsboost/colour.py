@@ -98,14 +98,17 @@ def compared_colours(image: np.ndarray) -> np.ndarray:
     """
     colours = image[..., : image.shape[2] - has_alpha(image)]
     colours = np.maximum(np.nan_to_num(colours, nan=0.0, posinf=float(MAX_RATIO), neginf=0.0), 0)
-    light = colours.mean(axis=2)
-    light = light[light > 0]
-    exposure = MIDDLE_GRAY / np.exp(cv2.log(light).mean()) if light.size else np.float32(1)
     compared = np.empty_like(image, np.float32)
-    scaled = np.minimum(colours * np.float32(exposure), MAX_RATIO)
+    scaled = np.minimum(colours * exposure_of(colours.mean(axis=2)), MAX_RATIO)
     compared[..., : colours.shape[2]] = cv2.log(1 + STEEPNESS * scaled).reshape(scaled.shape) / np.log1p(STEEPNESS)
     compared[..., colours.shape[2] :] = image[..., colours.shape[2] :]
     return compared
+
+
+def exposure_of(light: np.ndarray) -> np.float32:
+    """Return the factor that brings the log-average of light, as far as it is positive, to middle gray."""
+    light = light[light > 0]
+    return np.float32(MIDDLE_GRAY / np.exp(cv2.log(light).mean()) if light.size else 1)
 
 
 def displayed_colours(image: np.ndarray) -> np.ndarray:

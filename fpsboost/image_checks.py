@@ -57,8 +57,12 @@ def check_pair(
         )
 
 
+LEAST_SIDE_OF_GUIDE = 8
+"""Smallest height and width of guides, pixels."""
+
+
 def check_guide_size(name: str, size: tuple[int, ...], of_frames: tuple[int, ...]) -> None:
-    """Raise `InputError` if a guide has another shape than the frames, or is larger; sizes are (height, width)."""
+    """Raise `InputError` if a guide has another shape than the frames, is larger or tiny; sizes are (height, width)."""
     height, width = size
     most_height, most_width = of_frames
     sizes = f"{name} has {width}x{height} pixels, and the frames have {most_width}x{most_height}"
@@ -66,3 +70,5 @@ def check_guide_size(name: str, size: tuple[int, ...], of_frames: tuple[int, ...
     is_other = abs(width * most_height - height * most_width) > max(of_frames)
     if is_other or width > most_width or height > most_height:
         raise InputError(f"{sizes}; crop or render the guide in their shape, and at most as large.")
+    if min(size) < LEAST_SIDE_OF_GUIDE:
+        raise InputError(f"{sizes}; make the guide larger, at least {LEAST_SIDE_OF_GUIDE} pixels high and wide.")

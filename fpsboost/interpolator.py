@@ -27,7 +27,6 @@ from fpsboost.pair import Pair
 from fpsboost.synthesis import FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.generation import generate
-from fpsboost.synthesis.guided import Guide, follow_guide
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 
@@ -388,9 +387,6 @@ class Interpolator(Checked):
 def _guided(pair: Pair, made: InterpolatedImage, picture: FrameImage, t: float | Fraction) -> InterpolatedImage:
     """Return an image as its guide shows it, and keep what the guide tells with the pair."""
     check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
-    image0 = pair.image0
-    image1 = pair.image1
-    is_damaged = image0.guide is image0.image  # as is a frame that guides its own repair
-    guided = follow_guide(image0, image1, made, Guide(picture, image0.guide, image1.guide, is_damaged), float(t))
-    pair.findings[t] = guided.findings
-    return InterpolatedImage(guided.image, guided.confidence)
+    is_damaged = pair.image0.guide is pair.image0.image  # as is a frame that guides its own repair
+    image, pair.findings[t] = pair.guided.follow(made, picture, float(t), is_damaged=is_damaged)
+    return image

@@ -25,7 +25,7 @@ from fpsboost.motion import MotionEstimator
 from fpsboost.motion.components import gray, half_chroma
 from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.guided import GuideFindings
+from fpsboost.synthesis.guided import GuidedPair, GuideFindings
 
 MAX_LENGTH = 1e6
 """No vector is as long, pixels."""
@@ -274,6 +274,12 @@ class Pair:
 
     @property
     @once
+    def guided(self) -> GuidedPair:
+        """The two frames with what their guides tell."""
+        return GuidedPair(self.image0, self.image1)
+
+    @property
+    @once
     def grain(self) -> PairGrain:
         """Noise of the two frames, as they are."""
         image0, image1 = (
@@ -320,7 +326,7 @@ class Pair:
         for part in self._results.get("parts") or ():
             part.release_caches()
         self.image0.clear(gray, half_chroma)  # overlays are static in the frame before a pair, too
-        self._results.discard({"compensated", "grain"}.__contains__)
+        self._results.discard({"compensated", "grain", "guided"}.__contains__)
 
 
 def with_neighbours(pairs: Iterable[Pair]) -> Iterator[Pair]:

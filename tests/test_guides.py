@@ -31,7 +31,7 @@ from fpsboost.evaluation.compared_methods import ComparedInterpolator
 from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.run_options import Part
-from fpsboost.synthesis.guided import GuidedImage
+from fpsboost.synthesis import InterpolatedImage
 from support.command_line import assert_refused
 from support.exr_truth import write_exr
 from support.video_truth import write_clip
@@ -49,12 +49,16 @@ def level_of(picture: Any) -> int:
 def shown_guides(monkeypatch: pytest.MonkeyPatch) -> None:
     """Show the level of a frame's guide in blue, and those of the guides of the two frames in green and red."""
 
-    def follow(image0, image1, made, guide, t):
-        image = np.empty((*SIZE, 3), np.uint8)
-        image[:] = [level_of(each) for each in guide[:3]]
-        return GuidedImage(image, made.confidence, SimpleNamespace(_asdict=lambda: {"t": t}))
+    class Levels:
+        def __init__(self, image0, image1):
+            self.images = image0, image1
 
-    monkeypatch.setattr("fpsboost.interpolator.follow_guide", follow)
+        def follow(self, made, picture, t, *, is_damaged):
+            image = np.empty((*SIZE, 3), np.uint8)
+            image[:] = [level_of(each) for each in (picture, *(each.guide for each in self.images))]
+            return InterpolatedImage(image, made.confidence), SimpleNamespace(_asdict=lambda: {"t": t})
+
+    monkeypatch.setattr("fpsboost.pair.GuidedPair", Levels)
     monkeypatch.setattr("fpsboost.guides.describe_findings", lambda means: f"t {means['t']:g}")
 
 

@@ -1,19 +1,22 @@
-"""Calibration of a guide: how a picture of the frames would look as one, and how far guides usually are from that.
+"""Calibration of guides: how they show pictures of the frames.
 
-The guides of the two frames show it, as the frames themselves are known. Without these, the frame that is made without
-a guide takes the place of the frames, and what cannot be told so is taken to be as usual: no offset, the same shading.
+A guide shows the means of the areas of its pixels, of light or of code values, through a linear filter and a curve of
+tone. All are fitted to the guides of the two frames, as the frames themselves are known: so a renderer's pixel filter,
+a scaler's sharpening and a codec's blur are found by one system of equations. Without guides of the frames, the frame
+that is made without a guide takes the place of the frames, and what cannot be told so is taken to be as usual.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fpsboost.synthesis.agreement import sample
-from fpsboost.synthesis.guide_colours import Colours
+from fpsboost.synthesis.guide_colours import WHITE, Colours
 
 Size = tuple[int, int]
 """Width and height."""
@@ -21,21 +24,31 @@ Size = tuple[int, int]
 SMALL = 1.5
 """Ratio of the widths of frames and guides from which on guides count as small."""
 
-BLURS = (0.0, 0.2, 0.4, 0.6)
-"""Pixel filters of renderers that are tried, beyond a box: standard deviations in pixels of the guide."""
+RADIUS = 2
+"""Radius of the filter, pixels of the guide."""
 
-BETTER = 0.8
-"""Share of the difference that must be left for a pixel filter, or scaling in light, to be found."""
+SIDE = 2 * RADIUS + 1
 
-TONE_BINS = 24
-MAX_TONE = 64  # largest change of a level by the curve of a tone, on the scale of `WHITE`
+IDENTITY = np.eye(1, SIDE**2 + 1, SIDE**2 // 2, np.float32)[0]
 
-NOISY = 3.0
-"""Standard deviation of noise, levels, from which on a guide counts as noisy."""
+SAMPLES = 30000
+"""Number of values to which a filter is fitted at most, nearly."""
 
-OTHER_SHADING = 0.13
-"""Share of the contrast of the guides of the frames that the frames do not explain from which on their light or shading
-is another one."""
+PRIOR = 0.05
+"""Usual size of the weights of a filter but for that in the middle."""
+
+TONE_EDGES = np.linspace(-1, 257, 25)
+TONE_CENTRES = (TONE_EDGES[1:] + TONE_EDGES[:-1]) / 2
+"""Levels between which, and at which, the curve of a tone is known."""
+
+OFFSET_ROUNDS = 3
+"""Rounds in which the offset is corrected."""
+
+MARGIN = 4
+"""Width of the edge of guides that is not compared, pixels."""
+
+LEAST_OFFSET = 0.1
+"""Smallest offset that is corrected, pixels of the frames."""
 
 
 @dataclass(frozen=True)
@@ -45,28 +58,25 @@ class Rendition:
     Parameters
     ----------
     colours : Colours
-    white : float32
-        White of the frames.
     full, size : (width, height)
         Sizes of the frames and of the guide.
     in_light : bool
         Whether pixels of the guide are means of light, as a renderer's are, and not of code values, as a scaler's are.
-    blur : float
-        Blur beyond that of the area of a pixel, standard deviation in pixels of the guide.
     offset : (float, float)
         Place (x, y) in the frames of what the guide shows at 0, in pixels of the frames.
-    tone : tuple of three (n,) float32, or None
-        What is added to levels from -MAX_TONE to WHITE + MAX_TONE, for each colour.
+    weights : (SIDE**2 + 1,) float32
+        The filter: weights of the means around each pixel, and what is added, in units of `WHITE`.
+    tone : (3, n) or None
+        What is added to the levels of `TONE_CENTRES`, for each colour.
     """
 
     colours: Colours
-    white: np.float32
     full: Size
     size: Size
     in_light: bool = False
-    blur: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
-    tone: tuple[np.ndarray, ...] | None = None
+    weights: np.ndarray = field(default_factory=lambda: IDENTITY)
+    tone: np.ndarray | None = None
 
     @property
     def factor(self) -> float:
@@ -78,22 +88,20 @@ class Rendition:
         """Whether pixels of the guide show several of the frames."""
         return self.factor >= SMALL
 
+    def averaged(self, values: np.ndarray) -> np.ndarray:
+        """Return the means of the areas of the guide's pixels, (h, w, 3) float32: of light, or of levels."""
+        levels = self.colours.levels(values)
+        pixels = self.colours.light(levels) if self.in_light else levels
+        if self.offset != (0, 0):
+            pixels = displaced(pixels, self.offset)
+        return resized(pixels, self.size, cv2.INTER_AREA)
+
     def shown(self, values: np.ndarray) -> np.ndarray:
         """Return the levels that a guide has of a picture, (h, w, 3) float32."""
-        if not self.in_light or not self.is_small:
-            scaled = self._scaled(values)
-            levels = self.colours.levels(scaled, self.white)
-        else:
-            light = self.colours.light(self.colours.levels(values, self.white))
-            levels = self.colours.of_light(np.maximum(self._scaled(light), 0))
+        kernel = self.weights[:-1].reshape(SIDE, SIDE)
+        shown = cv2.filter2D(self.averaged(values), -1, kernel) + self.weights[-1] * WHITE
+        levels = self.colours.of_light(np.maximum(shown, 0)) if self.in_light else shown
         return levels if self.tone is None else with_tone(levels, self.tone)
-
-    def _scaled(self, values: np.ndarray) -> np.ndarray:
-        if self.blur:
-            values = cv2.GaussianBlur(values, (0, 0), self.blur * self.factor)
-        if self.offset != (0, 0):
-            values = displaced(values, self.offset)
-        return resized(values, self.size, cv2.INTER_AREA).reshape(*self.size[::-1], -1)
 
     def raised(self, values: np.ndarray, interpolation: int = cv2.INTER_LINEAR) -> np.ndarray:
         """Return values at the pixels of a guide for the pixels of the frames."""
@@ -107,32 +115,39 @@ class Rendition:
         scale = np.array([self.full[0] / width, self.full[1] / height], np.float32)
         return self.raised(flow * scale)
 
+    def fitted(self, pictures: Sequence[np.ndarray], guides: Sequence[np.ndarray]) -> Rendition:
+        """Return the rendition with the filter that brings pictures closest to their guides.
+
+        The least squares are weighted, so that what moved otherwise does not count (Geman and McClure 1987).
+        """
+        step = max(1, round((sum(each.size for each in guides) / SAMPLES) ** 0.5))
+        windows = [sliding_window_view(self.averaged(each), (SIDE, SIDE), (0, 1)) for each in pictures]
+        means = np.vstack([each[::step, ::step].reshape(-1, SIDE**2) for each in windows])
+        means = np.hstack([means, np.full((len(means), 1), WHITE)])
+        inner = np.s_[RADIUS:-RADIUS:step, RADIUS:-RADIUS:step]
+        known = np.hstack([each[inner].ravel() for each in guides])
+        difference = (self.colours.light(known) if self.in_light else known) - means @ IDENTITY
+        usual = np.median(np.abs(difference))
+        weighted = means / (1 + (difference / (2 * usual + 1)) ** 2)[:, np.newaxis]
+        squares = weighted.T @ means + ((usual / PRIOR) ** 2 + 1) * np.eye(len(IDENTITY))
+        change = np.linalg.solve(squares, weighted.T @ difference)
+        return replace(self, weights=(IDENTITY + change).astype(np.float32))
+
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is known of the guides of a pair."""
+    """What is known of guides."""
 
     rendition: Rendition
     noise: float
     """Standard deviation of their noise, levels."""
-    is_other: bool
-    """Whether their light or shading is another one, so that only guides are comparable with guides."""
     usual: tuple[np.ndarray, np.ndarray] | None
     """Difference of the guides of both frames, one below the other, from what they show, and that; None without
     these."""
 
-    @property
-    def is_noisy(self) -> bool:
-        """Whether there is more noise than of the rounding to levels."""
-        return self.noise >= NOISY
-
 
 def calibrate(
-    rendition: Rendition,
-    guide: np.ndarray,
-    key_guides: Sequence[np.ndarray],
-    keys: Sequence[np.ndarray],
-    made: np.ndarray,
+    rendition: Rendition, pictures: Sequence[np.ndarray], guides: Sequence[np.ndarray], *, are_frames: bool
 ) -> Calibration:
     """Find out how guides show pictures.
 
@@ -140,118 +155,80 @@ def calibrate(
     ----------
     rendition : Rendition
         Sizes and colours.
-    guide : (h, w, 3) float32
-        Levels of the guide.
-    key_guides : two of the same, or none
-    keys : two (H, W, C)
-        Values of the frames; see `Colours.values`.
-    made : (H, W, C)
-        Those of the frame that is made without a guide.
+    pictures : sequence of (H, W, C)
+        Values of the two frames, or of the frame that is made without a guide; see `Colours.values`.
+    guides : sequence of (h, w, 3) float32
+        Levels of their guides.
+    are_frames : bool
+        Whether the pictures are the frames, so that all differences from their guides are those of guides.
     """
-    if key_guides:
-        rendition = _with_offset(rendition, key_guides, keys)
-        pictures = list(keys)
-        known = np.vstack(key_guides)
-    else:
-        pictures = [made]
-        known = guide
-    if rendition.is_small:
-        rendition = _with_pixel_filter(rendition, pictures, known)
-    shown = _shown(rendition, pictures)
-    if key_guides or not rendition.is_small:
-        rendition = replace(rendition, tone=fit_tone(shown, known))
-        shown = _shown(rendition, pictures)
-    noise = estimate_noise(known - shown)
-    is_other = bool(key_guides) and _unexplained(known, shown, noise) > OTHER_SHADING
-    return Calibration(rendition, noise, is_other, (known - shown, shown) if key_guides else None)
+    known = np.vstack(guides)
+    contrast = squared(known - cv2.blur(known, (3, 3)))
+    edges = contrast > np.quantile(contrast, 0.9)
 
-
-def _shown(rendition: Rendition, pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Return what guides show of pictures, one below the other."""
-    return np.vstack([rendition.shown(each) for each in pictures])
-
-
-def _with_offset(rendition: Rendition, key_guides: Sequence[np.ndarray], keys: Sequence[np.ndarray]) -> Rendition:
-    """Return the rendition with the offset of the guides, if there is one that brings both closer to the frames."""
-    width, height = rendition.size
-    inner = np.zeros((height, width), np.uint8)
-    inner[MARGIN:-MARGIN, MARGIN:-MARGIN] = 1
-    known = _stacked_gray(key_guides)
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
-    moved = rendition
-    for _ in range(OFFSET_ROUNDS):
-        shown = _stacked_gray([moved.shown(key) for key in keys])
-        shift = np.eye(2, 3, dtype=np.float32)
-        try:
-            cv2.findTransformECC(shown, known, shift, cv2.MOTION_TRANSLATION, stop, np.vstack([inner, inner]), 3)
-        except cv2.error:  # nothing to see
-            return rendition
-        # the guide shows at x + shift what the frames do at x
-        x, y = moved.offset
-        scale = rendition.factor
-        moved = replace(moved, offset=(x - float(shift[0, 2]) * scale, y - float(shift[1, 2]) * scale))
-    if max(map(abs, moved.offset)) < LEAST_OFFSET:
-        return rendition
-    closer = all(
-        np.std(moved.shown(key) - guide) < CLOSER * np.std(rendition.shown(key) - guide)
-        for key, guide in zip(keys, key_guides, strict=True)
-    )
-    return moved if closer else rendition
-
-
-OFFSET_ROUNDS = 3
-"""Rounds in which the offset is corrected."""
-
-MARGIN = 4
-"""Width of the edge of guides that is not compared, pixels."""
-
-LEAST_OFFSET = 0.1
-"""Smallest offset that is corrected, pixels of the frames."""
-
-CLOSER = 0.95
-"""Share of the difference that must be left of both guides for an offset to be found."""
-
-
-def _stacked_gray(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the gray of levels, one below the other."""
-    return np.vstack([cv2.cvtColor(each, cv2.COLOR_BGR2GRAY) for each in pictures])
-
-
-def _with_pixel_filter(rendition: Rendition, pictures: Sequence[np.ndarray], known: np.ndarray) -> Rendition:
-    """Return the rendition with the filter, and the scale of averages, that brings most of the pictures closest."""
-    contrast = np.abs(known - cv2.blur(known, (3, 3))).max(axis=2)
-    edges = contrast > np.quantile(contrast, 0.7)
+    def shown(way: Rendition) -> np.ndarray:
+        return np.vstack([way.shown(each) for each in pictures])
 
     def apart(way: Rendition) -> float:
         # the lower part: what moved otherwise is not to count
-        return float(np.quantile(np.abs(_shown(way, pictures) - known)[edges], 0.4))
+        return float(np.quantile(squared(shown(way) - known)[edges], 0.4))
 
-    ways = [replace(rendition, in_light=light, blur=blur) for light in (False, True) for blur in BLURS]
-    found = min(ways, key=apart)
-    return found if apart(found) < BETTER * apart(rendition) else rendition
+    if are_frames:
+        rendition = min(rendition, _with_offset(rendition, pictures, guides), key=apart)
+    ways = [rendition, replace(rendition, in_light=True)] if rendition.is_small else [rendition]
+    if are_frames:
+        ways = [way.fitted(pictures, guides) for way in ways]
+    rendition = min(ways, key=apart)
+    if are_frames or not rendition.is_small:
+        rendition = replace(rendition, tone=fit_tone(shown(rendition), known))
+    expected = shown(rendition)
+    difference = known - expected
+    return Calibration(rendition, estimate_noise(difference), (difference, expected) if are_frames else None)
 
 
-def fit_tone(shown: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return the curve of each colour from what is shown to the tone of guides; see `Rendition`.
+def _with_offset(rendition: Rendition, keys: Sequence[np.ndarray], guides: Sequence[np.ndarray]) -> Rendition:
+    """Return the rendition with the offset of guides, found without their edges (Evangelidis and Psarakis 2008)."""
+    known = _stacked_gray(guides)
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
+    for _ in range(OFFSET_ROUNDS):
+        shift = np.eye(2, 3, dtype=np.float32)
+        shown = _stacked_gray([rendition.shown(key) for key in keys])
+        try:
+            cv2.findTransformECC(shown, known, shift, cv2.MOTION_TRANSLATION, stop)
+        except cv2.error:  # nothing to see
+            break
+        # the guide shows at x + shift what the frames do at x
+        x, y = rendition.offset - shift[:, 2] * rendition.factor
+        if np.hypot(*shift[:, 2]) * rendition.factor < LEAST_OFFSET:
+            break
+        rendition = replace(rendition, offset=(float(x), float(y)))
+    return rendition
+
+
+def _stacked_gray(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the gray of levels without their edges, one below the other."""
+    inner = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    return np.vstack([cv2.cvtColor(each, cv2.COLOR_BGR2GRAY)[inner] for each in pictures])
+
+
+def fit_tone(shown: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return what is added to the levels of `TONE_CENTRES` for the tone of guides, for each colour, (3, n).
 
     Other light has one, and so has noise that is clipped: it is darker near white, and brighter near black.
     """
-    centres = (np.arange(TONE_BINS) + 0.5) * (256 / TONE_BINS)
     curves = []
-    for channel in range(3):
-        levels = shown[..., channel].ravel()
-        difference = (known[..., channel].ravel() - levels).clip(-MAX_TONE, MAX_TONE)
-        index = np.clip(levels * (TONE_BINS / 256), 0, TONE_BINS - 1).astype(np.intp)
-        count = np.bincount(index, minlength=TONE_BINS)
-        shift = np.bincount(index, difference, TONE_BINS) / (count + 0.002 * levels.size)
-        curves.append(np.interp(np.arange(-MAX_TONE, 256 + MAX_TONE), centres, shift).astype(np.float32))
-    return tuple(curves)
+    for levels, others in zip(cv2.split(shown), cv2.split(known), strict=True):
+        count, _ = np.histogram(levels, TONE_EDGES)
+        total, _ = np.histogram(levels, TONE_EDGES, weights=others - levels)
+        # a tone that few pixels have is uncertain
+        curves.append(total / (count + 0.002 * levels.size))
+    return np.array(curves)
 
 
-def with_tone(levels: np.ndarray, tone: Sequence[np.ndarray]) -> np.ndarray:
+def with_tone(levels: np.ndarray, tone: np.ndarray) -> np.ndarray:
     """Return levels in another tone."""
-    index = np.clip(np.rint(levels) + MAX_TONE, 0, len(tone[0]) - 1).astype(np.intp)
-    return np.asarray(levels + np.stack([curve[index[..., k]] for k, curve in enumerate(tone)], axis=2))
+    planes = zip(cv2.split(levels), tone, strict=True)
+    return np.dstack([plane + np.interp(plane, TONE_CENTRES, curve).astype(np.float32) for plane, curve in planes])
 
 
 def estimate_noise(difference: np.ndarray) -> float:
@@ -261,12 +238,9 @@ def estimate_noise(difference: np.ndarray) -> float:
     return max(float(np.quantile(fine, 0.25)) / 0.3186 * 1.06, 1.0)
 
 
-def _unexplained(known: np.ndarray, shown: np.ndarray, noise: float) -> float:
-    """Return the share of the coarse contrast of guides that what they show does not explain."""
-    smooth = cv2.blur(known, (5, 5))
-    apart = np.mean((smooth - cv2.blur(shown, (5, 5))) ** 2) - noise**2 / 25
-    contrast = np.mean((smooth - cv2.blur(known, (31, 31))) ** 2)
-    return float(max(apart, 0) / max(contrast, 1))
+def squared(difference: np.ndarray) -> np.ndarray:
+    """Return the squared difference at each pixel, mean of the colours, (h, w) float32."""
+    return cv2.transform(difference * difference, np.full((1, 3), 1 / 3, np.float32))
 
 
 def resized(values: np.ndarray, size: Size, interpolation: int) -> np.ndarray:

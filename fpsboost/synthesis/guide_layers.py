@@ -18,8 +18,6 @@ class Candidate(NamedTuple):
     """(H, W, C); see `Colours.values`."""
     error: np.ndarray
     """Squared difference from the guide around each pixel of it, square levels."""
-    weight: float
-    """Factor on its weight."""
     source: int
     """0 or 1 for a frame, 2 for the frame that is made without a guide."""
     flow: np.ndarray | None
@@ -55,10 +53,7 @@ def mixed_layers(fused: Fused, images: Sequence[LayeredImage]) -> tuple[Layer, .
         return np.asarray(sum(weighted) / total)
 
     def chosen(name: str) -> np.ndarray:
-        values = np.zeros(best.shape, planes[0][name].dtype)
-        for k, one in enumerate(fused.candidates):
-            np.copyto(values, _nearest(planes[one.source][name], one.flow), where=best == k)
-        return values
+        return np.asarray(np.choose(best, [_nearest(planes[one.source][name], one.flow) for one in fused.candidates]))
 
     layers = []
     for layer in images[0].layers:
@@ -77,8 +72,5 @@ def _nearest(plane: np.ndarray, flow: np.ndarray | None) -> np.ndarray:
     """Return the values of the pixels nearest to the end of the motion, unmixed."""
     if flow is None:
         return plane
-    height, width = plane.shape
-    y, x = np.indices(plane.shape)
-    columns = np.rint(x + flow[..., 0]).clip(0, width - 1).astype(np.intp)
-    rows = np.rint(y + flow[..., 1]).clip(0, height - 1).astype(np.intp)
-    return np.asarray(plane[rows, columns])
+    places = np.arange(plane.size, dtype=np.float64).reshape(plane.shape)
+    return np.asarray(plane.ravel()[sample(places, flow, cv2.INTER_NEAREST).astype(np.intp)])

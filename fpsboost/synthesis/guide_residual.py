@@ -10,13 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from fpsboost.synthesis.guide_calibration import Calibration, Rendition, resized
+from fpsboost.synthesis.guide_calibration import Rendition, squared
 
-EXCESS = 3.0
+EXCESS = 2.0
 """Multiple of the usual power of a difference from which on the guide shows something else."""
-
-KNOWN_EXCESS = 1.5
-"""The same where the usual difference is known from the guides of both frames, and is not noise."""
 
 EXACT = 0.65
 """Mean difference, levels, up to which a small guide is what the frame looks like at its size; rounding makes 0.25."""
@@ -27,34 +24,27 @@ ROUNDS = 3
 Average = Callable[..., Any]
 
 
-def exact_difference(picture: np.ndarray, guide: np.ndarray, error: np.ndarray, rendition: Rendition) -> np.ndarray:
-    """Return what makes a picture agree with an exact small guide, levels, without detail where it did not.
+def exact_difference(values: np.ndarray, guide: np.ndarray, rendition: Rendition) -> np.ndarray:
+    """Return what makes a picture agree with an exact small guide, levels, by back-projection (Irani and Peleg 1991).
 
     Parameters
     ----------
-    picture : (H, W, 3) float32
-        Levels of the picture.
+    values : (H, W, C) float32
+        Values of the picture.
     guide : (h, w, 3) float32
         Levels of the guide.
-    error : (h, w) float32
-        Squared difference of the picture's best part from the guide.
     rendition : Rendition
     """
-
-    def shown(levels: np.ndarray) -> np.ndarray:
-        return resized(levels, rendition.size, cv2.INTER_AREA)
-
-    low = rendition.raised(shown(picture), cv2.INTER_CUBIC)
-    detail = picture - low
-    power = shown(_power(detail))
-    trust = rendition.raised(power / (power + np.maximum(error, 0) + np.float32(1e-3)), cv2.INTER_CUBIC).clip(0, 1)
-    made = low + trust[..., np.newaxis] * detail
+    difference = np.zeros((*values.shape[:2], 3), np.float32)
     for _ in range(ROUNDS):
-        made = made + rendition.raised(guide - shown(made), cv2.INTER_CUBIC)
-    return np.asarray(made - picture)
+        shown = rendition.shown(rendition.colours.shifted(values, difference))
+        difference += rendition.raised(guide - shown, cv2.INTER_CUBIC)
+    return difference
 
 
-def excess_difference(difference: np.ndarray, shown: np.ndarray, calibration: Calibration) -> np.ndarray:
+def excess_difference(
+    difference: np.ndarray, shown: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None
+) -> np.ndarray:
     """Return the part of a difference that is not usual.
 
     Parameters
@@ -63,22 +53,17 @@ def excess_difference(difference: np.ndarray, shown: np.ndarray, calibration: Ca
         Guide minus what it would show of the picture, levels.
     shown : (h, w, 3) float32
         What it would show.
-    calibration : Calibration
-        With the usual differences; without these, most places are taken to be right.
+    known : two (h, w, 3) float32, or None
+        Usual differences, and beside what; without these, most places are taken to be right.
     """
     levels = int(np.clip(np.log2(min(difference.shape[:2]) / 8), 0, 5))
     bands = split(difference, levels)
     details = split(shown, levels)
-    usual = bands
-    beside = details
-    average: Average = np.median
-    if calibration.usual is not None:
-        usual, beside = (split(each, levels) for each in calibration.usual)
-        average = np.mean
-    excess = EXCESS if calibration.usual is None or calibration.is_noisy else KNOWN_EXCESS
-    kept = _excess(bands[-1], details[-1], usual[-1], beside[-1], 3, 1, average, excess)
+    usual, beside = (bands, details) if known is None else (split(each, levels) for each in known)
+    average: Average = np.median if known is None else np.mean
+    kept = _excess(bands[-1], details[-1], usual[-1], beside[-1], 3, 1, average)
     for k in range(levels - 1, -1, -1):
-        kept = _risen(kept, bands[k]) + _excess(bands[k], details[k], usual[k], beside[k], 7, 6, average, excess)
+        kept = _risen(kept, bands[k]) + _excess(bands[k], details[k], usual[k], beside[k], 7, 6, average)
     return kept
 
 
@@ -90,7 +75,6 @@ def _excess(
     side: int,
     bins: int,
     average: Average,
-    excess: float,
 ) -> np.ndarray:
     """Return a band scaled by the share of its local power that is not usual beside as much detail."""
     power = _local_power(band, side)
@@ -100,8 +84,8 @@ def _excess(
     index = np.searchsorted(limits, strength)
     means = [average(usual_power[index == k]) if (index == k).any() else 0 for k in range(bins)]
     expected = np.array(means, np.float32)[np.searchsorted(limits, _local_power(detail, side))]
-    threshold = np.float32(excess) * cv2.blur(expected, (side, side))
-    share = np.maximum(power - threshold, 0) / (power + np.float32(1e-3))
+    threshold = EXCESS * cv2.blur(expected, (side, side))
+    share = np.maximum(power - threshold, 0) / (power + 1e-3)
     return np.asarray(band * share[..., np.newaxis])
 
 
@@ -120,8 +104,4 @@ def _risen(small: np.ndarray, like: np.ndarray) -> np.ndarray:
 
 
 def _local_power(band: np.ndarray, side: int) -> np.ndarray:
-    return cv2.blur(_power(band), (side, side))
-
-
-def _power(band: np.ndarray) -> np.ndarray:
-    return np.asarray(np.mean(band * band, axis=2, dtype=np.float32))
+    return cv2.blur(squared(band), (side, side))

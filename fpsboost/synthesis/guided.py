@@ -1,11 +1,13 @@
 """Guided synthesis: a cheap picture of the in-between frame itself, its guide, shows where everything is.
 
-1. Guides of both frames show how a guide is made (`guide_calibration`): offset, scaling, tone and noise.
+1. Guides of both frames show how guides are made (`guide_calibration`), how far they usually are from that, and how
+   wrong motion is that is searched from them (`GuidedPair`).
 2. The report's search leads from the guide to both frames, as a guide would show them; and once more, at half the size
    of the frames, from the frame that this gives.
 3. The frames along this motion, the frame that is made without a guide, and that displaced to fit the guide are the
    candidates. Each pixel is their mean, weighted by how much their surroundings look like those in the guide, as
-   non-local means are (Buades, Coll and Morel 2005, doi:10.1109/CVPR.2005.38).
+   non-local means are (Buades, Coll and Morel 2005, doi:10.1109/CVPR.2005.38), and by the errors that are expected of
+   them.
 4. What the guide shows beyond its usual differences is added (`guide_residual`).
 
 Li, Li and Fu (2017) have the idea, as modified non-local means for the super-resolution of hybrid videos.
@@ -13,21 +15,19 @@ Li, Li and Fu (2017) have the idea, as modified non-local means for the super-re
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Mapping
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, view
 from fpsboost.layered import FrameImage, LayeredImage
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.agreement import sample
-from fpsboost.synthesis.guide_calibration import Calibration, Rendition, calibrate, resized
+from fpsboost.synthesis.guide_calibration import Calibration, Rendition, calibrate, resized, squared
 from fpsboost.synthesis.guide_colours import WHITE, Colours
 from fpsboost.synthesis.guide_layers import Candidate, Fused, mixed_layers
 from fpsboost.synthesis.guide_residual import EXACT, exact_difference, excess_difference
@@ -38,14 +38,36 @@ SHARPNESS = 3
 FLOOR = 1.5
 """Difference that means nothing, levels."""
 
-PATCH, NOISY_PATCH = 3, 5
-"""Sides of the patches that are compared, pixels of the guide: of guides with little noise, and with more."""
+SMALL_PATCH, PATCH = 3, 5
+"""Sides of the patches that are compared, pixels of the guide: of small guides, and of larger ones."""
+
+OWN_PATCH = 7
+"""The same for the frame that is made without a guide, which was not chosen to fit the guide's errors."""
+
+AROUND = 9
+"""Side of the surroundings of which the usual error is the mean, pixels of the guide."""
+
+UNSURE_SHARE = 0.15
+"""Share of the usual error by which an error may be more or less than it seems."""
 
 OWN_WEIGHT = 2.0
-"""Weight of the frame that is made without a guide, and of that displaced, as a multiple of that of the others."""
+"""Weight of the frame that is made without a guide as a multiple of that of the others, if guides have no error."""
 
-DOUBT = 40.0
-"""Usual difference of guides and frames at which that weight is doubled, square levels."""
+DOUBTFUL = 40.0
+"""Usual error of guides at which that weight is doubled, square levels."""
+
+DOUBT = 2.0
+"""Error of motion from guides as a multiple of what is measured between the frames, of which no other one is near."""
+
+EXACT_ERROR, INEXACT_ERROR = 1.0, 10.0
+"""Usual errors of guides, square levels, of which a tenth of that error is taken, as the guides show it, and half."""
+
+OTHER_SHADING = 0.06
+"""Share of the coarse contrast of guides that the frames do not explain from which on light or shading may be another
+one."""
+
+OTHER_ERROR = 0.5
+"""Error of the other frame's guide along the motion, as a share of that of the frames, up to which it is."""
 
 UNSURE = 12.0
 """Difference from the guide at which confidence is 0.6, levels."""
@@ -55,23 +77,7 @@ LARGE_SEARCHES = ((1.0, CoarseToFine(step=4)), (0.5, CoarseToFine(step=4)))
 """Searches from a small guide and from one of full size, each with its size as a multiple of the guide's."""
 
 SECOND_SEARCH = CoarseToFine(finest_level=1)
-"""Search from the frame that is made at first."""
-
-LEAST_SIDE = 16
-"""Smallest side of a picture that is searched, pixels."""
-
-
-class Guide(NamedTuple):
-    """Cheap picture of a frame to be made, and of the two frames between which it lies."""
-
-    picture: FrameImage
-    """(h, w, C) uint8, uint16 or float32, BGR(A): of the shape of the frames, and at most of their size."""
-    picture0: FrameImage | None = None
-    """The same of the first frame, if there is one."""
-    picture1: FrameImage | None = None
-    """The same of the second frame, if there is one."""
-    is_damaged: bool = False
-    """Whether it is damaged, so that nothing is taken from it but where everything is."""
+"""Search from the frame that is made at first, and between the two frames."""
 
 
 class GuideFindings(NamedTuple):
@@ -91,236 +97,273 @@ class GuideFindings(NamedTuple):
     """Share of the pixels that agree with the guide, which come from the frames around."""
 
 
-class GuidedImage(NamedTuple):
-    """In-between frame made with its guide."""
-
-    image: FrameImage
-    """As an `InterpolatedImage` has it."""
-    confidence: np.ndarray | None
-    """Confidence of every pixel, (H, W) float32 in [0, 1]; None if the frame came without."""
-    findings: GuideFindings
-
-
-def follow_guide(
-    image0: FrameCache, image1: FrameCache, made: InterpolatedImage, guide: Guide, t: float
-) -> GuidedImage:
-    """Return an in-between frame as its guide shows it.
+class GuidedPair:
+    """Two frames, and what their guides tell of all guides between them.
 
     Parameters
     ----------
     image0, image1 : FrameCache
-        The two frames around it.
-    made : InterpolatedImage
-        The frame as it is made without a guide.
-    guide : Guide
-    t : float
-        Its time between the two frames, in (0, 1).
+        The two frames, with their guides if there are some.
     """
-    images = image0.image, image1.image
-    colours = Colours.of(*images)
-    values = [colours.values(each) for each in (*images, made.image)]
-    levels = [_levels_of(colours, each) for each in (guide.picture, guide.picture0, guide.picture1) if each is not None]
-    white = view(images[0]).white
-    height, width = values[0].shape[:2]
-    rendition = Rendition(colours, white, (width, height), levels[0].shape[1::-1], in_light=colours.is_scene_linear)
-    key_guides = levels[1:] if len(levels) == 3 else []
-    work = _Guided(values, levels[0], key_guides, calibrate(rendition, levels[0], key_guides, values[:2], values[2]))
-    fused = work.fused(adds_detail=not guide.is_damaged)
-    agreement = np.exp(fused.error * np.float32(-0.5 / UNSURE**2))
-    calibration = work.calibration
-    x, y = calibration.rendition.offset
-    is_calibrated = float(len(key_guides) > 0)
-    is_other = float(calibration.is_other)
-    findings = GuideFindings(is_calibrated, calibration.noise, -x, -y, is_other, float(agreement.mean()))
-    confidence = None if made.confidence is None else work.rendition.raised(agreement)
-    picture = colours.image(fused.values, *images, t)
-    if not isinstance(made.image, LayeredImage):
-        return GuidedImage(picture, confidence, findings)
-    layers = mixed_layers(fused, [each for each in (*images, made.image) if isinstance(each, LayeredImage)])
-    return GuidedImage(LayeredImage(picture, layers), confidence, findings)
+
+    def __init__(self, image0: FrameCache, image1: FrameCache) -> None:
+        self.images = image0.image, image1.image
+        self.colours = Colours.of(*self.images)
+        self.keys = [self.colours.values(each) for each in self.images]
+        self.bytes = [self.as_bytes(key) for key in self.keys]
+        self.guides: list[np.ndarray] = []
+        """Levels of the guides of both frames, or none."""
+        self.calibration: Calibration | None = None
+        self.is_other = False
+        """Whether their light or shading is another one, so that only guides are comparable with guides."""
+        self.usual = self.doubt = np.float32(0)
+        """Usual squared error of guides, (h, w) or a number, and that of motion from them, square levels."""
+        if image0.guide is not None and image1.guide is not None:
+            self.guides = [self.levels_of(each) for each in (image0.guide, image1.guide)]
+            self.calibration = calibrate(self.rendition(self.guides[0]), self.keys, self.guides, are_frames=True)
+            self._measure(self.calibration)
+
+    def levels_of(self, picture: FrameImage) -> np.ndarray:
+        """Return the levels of a guide, (h, w, 3) float32."""
+        return self.colours.levels(self.colours.values(picture))
+
+    def as_bytes(self, values: np.ndarray) -> FrameCache:
+        """Return values of the frames as an image that is searched."""
+        return _as_bytes(self.colours.levels(values))
+
+    def rendition(self, guide: np.ndarray) -> Rendition:
+        """Return how a guide shows frames, as far as only its size is known."""
+        full = self.keys[0].shape[1::-1]
+        return Rendition(self.colours, full, guide.shape[1::-1], in_light=self.colours.exposure is not None)
+
+    def _measure(self, calibration: Calibration) -> None:
+        """Measure how far the guides of the frames are from these, and how wrong motion from them is."""
+        rendition = calibration.rendition
+        flows = _smooth_flows(SECOND_SEARCH, *self.bytes)
+        frames = [GuidedFrame(self, guide, calibration) for guide in self.guides]
+        previews = [frame.preview(1 - i, flow) for i, (frame, flow) in enumerate(zip(frames, flows, strict=True))]
+        self.is_other = _are_other(calibration, np.vstack(self.guides), np.vstack(previews))
+        errors, excess, shares = [], [], []
+        for i, frame in enumerate(frames):
+            found = frame.along(1 - i, frame.search(frame.like[1 - i], *frame.searches[0]))
+            usual = (
+                np.median(found.error)
+                if self.is_other
+                else cv2.blur(frame.error(rendition.shown(self.keys[i])), (AROUND, AROUND))
+            )
+            errors.append(usual)
+            # where the guide shows that motion is wrong, it is not followed
+            unsure = FLOOR**2 + frame.variance / frame.side + np.mean(usual)
+            shares.append(unsure / (found.error + unsure))
+            ordinary = sample(self.keys[1 - i], flows[i], cv2.INTER_LINEAR)
+            wrong, least = (frame.wrong(each, self.keys[i]) for each in (found.values, ordinary))
+            excess.append(np.maximum(wrong - least, 0))
+        self.usual = np.float32((errors[0] + errors[1]) / 2)
+        self.doubt = np.float32(DOUBT * np.average(excess, weights=shares))
+        if not self.is_other:
+            self.doubt = self.doubt * (self.usual + EXACT_ERROR) / (self.usual + INEXACT_ERROR)
+
+    def follow(
+        self, made: InterpolatedImage, picture: FrameImage, t: float, *, is_damaged: bool = False
+    ) -> tuple[InterpolatedImage, GuideFindings]:
+        """Return an in-between frame as its guide shows it, and what the guide tells.
+
+        Parameters
+        ----------
+        made : InterpolatedImage
+            The frame as it is made without a guide.
+        picture : (h, w, C) uint8, uint16 or float32
+            Its guide, BGR(A): of the shape of the frames, and at most of their size.
+        t : float
+            Its time between the two frames, in (0, 1).
+        is_damaged : bool
+            Whether the guide is damaged, so that nothing is taken from it but where everything is.
+        """
+        guide = self.levels_of(picture)
+        values = self.colours.values(made.image)
+        known = self.calibration or calibrate(self.rendition(guide), [values], [guide], are_frames=False)
+        frame = GuidedFrame(self, guide, known)
+        fused = frame.fused(values)
+        agreement = np.exp(fused.error * (-0.5 / UNSURE**2))
+        x, y = known.rendition.offset
+        findings = GuideFindings(
+            float(bool(self.guides)), known.noise, -x, -y, float(self.is_other), float(agreement.mean())
+        )
+        values = fused.values if is_damaged else self.colours.shifted(fused.values, frame.difference(fused))
+        colours = self.colours.image(values, *self.images, t)
+        layered = [each for each in (*self.images, made.image) if isinstance(each, LayeredImage)]
+        image = LayeredImage(colours, mixed_layers(fused, layered)) if layered else colours
+        confidence = None if made.confidence is None else known.rendition.raised(agreement)
+        return InterpolatedImage(image, confidence), findings
 
 
-def _levels_of(colours: Colours, image: FrameImage) -> np.ndarray:
-    """Return the levels of a guide, (h, w, 3) float32."""
-    return colours.levels(colours.values(image), view(image).white)
+def _are_other(calibration: Calibration, known: np.ndarray, previews: np.ndarray) -> bool:
+    """Return whether guides have other light or shading than frames, so that only other guides explain them."""
+    assert calibration.usual is not None, "the guides are those of frames"
+    smooth = partial(cv2.blur, ksize=(5, 5))
+    apart = np.mean(smooth(calibration.usual[0]) ** 2)
+    contrast = np.mean((smooth(known) - cv2.blur(known, (31, 31))) ** 2)
+    error, error_of_frames = (np.median(smooth(squared(each))) for each in (previews - known, calibration.usual[0]))
+    return bool(apart > OTHER_SHADING * max(contrast, 1) and error < OTHER_ERROR * error_of_frames)
 
 
-class _Guided:
-    """Frame that is made with a guide."""
+class GuidedFrame:
+    """Frame that has a guide.
 
-    def __init__(
-        self,
-        values: Sequence[np.ndarray],
-        guide: np.ndarray,
-        key_guides: Sequence[np.ndarray],
-        calibration: Calibration,
-    ) -> None:
-        self.keys = values[:2]
-        self.made = values[2]
+    Parameters
+    ----------
+    pair : GuidedPair
+    guide : (h, w, 3) float32
+        Its levels.
+    calibration : Calibration
+    """
+
+    def __init__(self, pair: GuidedPair, guide: np.ndarray, calibration: Calibration) -> None:
+        self.pair = pair
         self.guide = guide
-        self.key_guides = key_guides
         self.calibration = calibration
         self.rendition = calibration.rendition
         self.searches = SMALL_SEARCHES if self.rendition.is_small else LARGE_SEARCHES
-        self.side = NOISY_PATCH if calibration.is_noisy else PATCH
-        # two guides with noise are compared if light or shading is another one
-        self.variance = calibration.noise**2 * (2 if calibration.is_other else 1)
-        self.usual = 0.0
-        if calibration.usual is not None and not calibration.is_other:
-            # differences beyond noise, such as a codec's, decide nothing either
-            self.usual = float(_patch_error(calibration.usual[0], self.side, calibration.noise**2).mean())
-
-    def fused(self, *, adds_detail: bool) -> Fused:
-        """Return the mean of all candidates, with what the guide alone shows."""
-        candidates = [*self._along(self._motions()), *self._own()]
-        first = self._with_difference(self._mean(candidates), adds_detail=adds_detail)
-        image = FrameCache(_as_bytes(self._levels(first.values)))
-        motions = [
-            (i, _smooth_flow(SECOND_SEARCH, image, FrameCache(_as_bytes(self._levels(key)))))
-            for i, key in enumerate(self.keys)
-        ]
-        return self._with_difference(self._mean([*candidates, *self._along(motions)]), adds_detail=adds_detail)
-
-    def _levels(self, values: np.ndarray) -> np.ndarray:
-        return self.rendition.colours.levels(values, self.rendition.white)
+        self.side = SMALL_PATCH if self.rendition.is_small else PATCH
 
     @property
-    def _like(self) -> list[np.ndarray]:
+    def variance(self) -> float:
+        """Variance of the noise of what is compared, which is two guides if light or shading is another one."""
+        return self.calibration.noise**2 * (2 if self.pair.is_other else 1)
+
+    @cached_property
+    def like(self) -> list[np.ndarray]:
         """The two frames as guides show them."""
-        if self.calibration.is_other:
-            return list(self.key_guides)
-        return [self.rendition.shown(key) for key in self.keys]
+        return self.pair.guides if self.pair.is_other else [self.rendition.shown(key) for key in self.pair.keys]
 
-    def _motions(self) -> list[tuple[int, np.ndarray]]:
-        """Return the motion from the guide to each frame, (H, W, 2), by each search, with the number of the frame."""
-        like = self._like
-        return [(i, self._search(picture, *each)) for each in self.searches for i, picture in enumerate(like)]
+    def fused(self, made: np.ndarray) -> Fused:
+        """Return the mean of all candidates."""
+        flows = [(i, self.search(like, *each)) for each in self.searches for i, like in enumerate(self.like)]
+        candidates = [self.along(*each) for each in flows] + self._own(made)
+        first = self.pair.as_bytes(self._mean(candidates).values)
+        flows = [(i, _smooth_flows(SECOND_SEARCH, first, key)[0]) for i, key in enumerate(self.pair.bytes)]
+        return self._mean([*candidates, *(self.along(*each) for each in flows)])
 
-    def _search(self, picture: np.ndarray, scale: float, search: CoarseToFine) -> np.ndarray:
+    def search(self, picture: np.ndarray, scale: float, search: CoarseToFine) -> np.ndarray:
         """Return the motion from the guide to a picture that looks like it, for every pixel of the frame."""
         width, height = self.rendition.size
-        size = max(LEAST_SIDE, round(scale * width)), max(LEAST_SIDE, round(scale * height))
+        size = round(scale * width), round(scale * height)
         way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-        guide, other = (FrameCache(_as_bytes(resized(each, size, way))) for each in (self.guide, picture))
-        return self.rendition.motion(_smooth_flow(search, guide, other))
+        guide, other = (_as_bytes(resized(each, size, way)) for each in (self.guide, picture))
+        return self.rendition.motion(_smooth_flows(search, guide, other)[0])
 
-    def _along(self, motions: Sequence[tuple[int, np.ndarray]]) -> list[Candidate]:
-        """Return the frames along motions as candidates."""
-        return [self._candidate(sample(self.keys[i], flow, cv2.INTER_CUBIC), 1.0, i, flow) for i, flow in motions]
+    def along(self, source: int, flow: np.ndarray) -> Candidate:
+        """Return a frame along a motion."""
+        preview = self.preview(source, flow) if self.pair.is_other else None
+        return self._candidate(sample(self.pair.keys[source], flow, cv2.INTER_CUBIC), source, flow, preview)
 
-    def _candidate(self, values: np.ndarray, weight: float, source: int, flow: np.ndarray | None) -> Candidate:
+    def preview(self, source: int, flow: np.ndarray) -> np.ndarray:
+        """Return the guide of a frame along a motion of the frame's pixels."""
+        motion = resized(flow, self.rendition.size, cv2.INTER_LINEAR) / self.rendition.factor
+        return sample(self.pair.guides[source], motion, cv2.INTER_CUBIC)
+
+    def _own(self, made: np.ndarray) -> list[Candidate]:
+        """Return the frame that is made without a guide, and that displaced to fit the guide, as candidates."""
+        if self.pair.is_other:
+            image = self.pair.as_bytes(made)
+            flows = [_smooth_flows(SECOND_SEARCH, image, key)[0] for key in self.pair.bytes]
+            return [self._candidate(made, 2, None, self.preview(i, flow)) for i, flow in enumerate(flows)]
+        flow = self.search(self.rendition.shown(made), *self.searches[0])
+        moved = sample(made, flow, cv2.INTER_CUBIC)
+        return [self._candidate(made, 2, None), self._candidate(moved, 2, flow)]
+
+    def _candidate(
+        self, values: np.ndarray, source: int, flow: np.ndarray | None, preview: np.ndarray | None = None
+    ) -> Candidate:
         """Return a candidate with its difference from the guide."""
-        if not self.calibration.is_other or flow is None:
-            return Candidate(values, self._error(self.rendition.shown(values)), weight, source, flow)
-        preview = sample(self.key_guides[source], self._guide_motion(flow), cv2.INTER_CUBIC)
-        return Candidate(values, self._error(preview), weight, source, flow, preview)
+        error = self.error(self.rendition.shown(values) if preview is None else preview)
+        return Candidate(values, error, source, flow, preview)
 
-    def _guide_motion(self, flow: np.ndarray) -> np.ndarray:
-        """Return motion of the frame's pixels as that of the guide's."""
-        scale = np.float32(1 / self.rendition.factor)
-        return resized(flow, self.rendition.size, cv2.INTER_LINEAR) * scale
+    def error(self, shown: np.ndarray) -> np.ndarray:
+        """Return the squared difference from the guide around each pixel beyond that of noise, square levels."""
+        error = cv2.blur(squared(shown - self.guide), (self.side, self.side))
+        return np.asarray(np.maximum(error - self.variance, 0))
 
-    def _error(self, shown: np.ndarray) -> np.ndarray:
-        return _patch_error(shown - self.guide, self.side, self.variance)
-
-    def _own(self) -> list[Candidate]:
-        """Return the frame that is made without a guide as a candidate, and that displaced to fit the guide."""
-        if self.calibration.is_other:
-            return []
-        weight = OWN_WEIGHT * (1 + self.usual / DOUBT)
-        own = self._candidate(self.made, weight, 2, None)
-        flow = self._search(self.rendition.shown(self.made), *self.searches[0])
-        return [own, self._candidate(sample(self.made, flow, cv2.INTER_CUBIC), weight, 2, flow)]
+    def wrong(self, values: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Return the squared error of a picture around each pixel of the guide, square levels."""
+        colours = self.pair.colours
+        error = squared(colours.levels(values) - colours.levels(truth))
+        return np.asarray(cv2.blur(resized(error, self.rendition.size, cv2.INTER_AREA), (5, 5)))
 
     def _mean(self, candidates: list[Candidate]) -> Fused:
-        """Return the mean of candidates, weighted by how well each agrees with the guide."""
-        unsure = np.float32(FLOOR**2 + self.variance / self.side + self.usual)
-        errors = [each.error for each in candidates]
-        best = np.minimum.reduce(errors)
-        total = np.zeros(self.made.shape, np.float32)
-        sum_of_weights = np.zeros(self.made.shape[:2], np.float32)
+        """Return the mean of candidates, weighted by the errors that are expected of them."""
+        usual = self.pair.usual
+        unsure = FLOOR**2 + self.variance / self.side + UNSURE_SHARE * usual
+        expected = [self._expected(each) + unsure for each in candidates]
+        least = np.minimum.reduce(expected)
+        own_weight = OWN_WEIGHT * (1 + usual / DOUBTFUL)
+        total = np.zeros(candidates[0].values.shape, np.float32)
         weights = []
-        for each in candidates:
-            share = np.float32(each.weight) * ((best + unsure) / (each.error + unsure)) ** SHARPNESS
+        for each, error in zip(candidates, expected, strict=True):
+            share = (least / error) ** SHARPNESS * (own_weight if each.flow is None else 1)
             weights.append(self.rendition.raised(share))
             total += weights[-1][..., np.newaxis] * each.values
-            sum_of_weights += weights[-1]
-        return Fused(total / sum_of_weights[..., np.newaxis], best, candidates, weights)
+        return Fused(
+            total / np.sum(weights, axis=0)[..., np.newaxis],
+            np.minimum.reduce([each.error for each in candidates]),
+            candidates,
+            weights,
+        )
 
-    def _with_difference(self, fused: Fused, *, adds_detail: bool) -> Fused:
-        """Add what the guide shows beyond its usual differences."""
-        if not adds_detail:
-            return fused
-        difference = self._difference(fused)
-        colours = self.rendition.colours
-        return fused._replace(values=colours.shifted(fused.values, difference, self.rendition.white))
+    def _expected(self, candidate: Candidate) -> np.ndarray:
+        """Return the error that is expected of a candidate beyond the usual one of guides, square levels."""
+        usual = self.pair.usual
+        error = candidate.error
+        if candidate.flow is not None:
+            return np.maximum(error - usual, 0) + self.pair.doubt
+        if np.mean(usual) > EXACT_ERROR:
+            error = cv2.blur(error, (OWN_PATCH, OWN_PATCH))
+        return np.maximum(error - usual, 0)
 
-    def _difference(self, fused: Fused) -> np.ndarray:
-        """Return what the guide shows beyond what the frames do, levels at full size."""
+    def difference(self, fused: Fused) -> np.ndarray:
+        """Return what the guide shows beyond what the frames do, and beyond its usual differences, levels."""
         rendition = self.rendition
-        if self.calibration.is_other:
-            return self._difference_of_previews(fused)
-        shown = rendition.shown(fused.values)
-        difference = self.guide - shown
         usual = self.calibration.usual
-        off = np.abs(difference if usual is None else usual[0]).mean(axis=2)
-        # without guides of the frames, only the better part can be judged
-        least = np.quantile(cv2.blur(off, (3, 3)), 0.25) if usual is None else off.mean()
-        is_plain = rendition.is_small and not (rendition.in_light or rendition.blur or rendition.offset != (0, 0))
-        if is_plain and least < EXACT:
-            error = np.maximum(fused.error - np.float32(FLOOR**2), 0)
-            return exact_difference(self._levels(fused.values), self.guide, error, rendition)
-        return rendition.raised(excess_difference(difference, shown, self.calibration), cv2.INTER_CUBIC)
-
-    def _difference_of_previews(self, fused: Fused) -> np.ndarray:
-        """Return the difference of the guide from those of the frames, by the local gain from their tone."""
-        total = np.zeros_like(self.guide)
-        sum_of_shares = np.zeros(self.guide.shape[:2], np.float32)
-        for each, weight in zip(fused.candidates, fused.weights, strict=True):
-            if each.preview is not None:
-                share = resized(weight, self.rendition.size, cv2.INTER_AREA)
-                total += share[..., np.newaxis] * each.preview
-                sum_of_shares += share
-        preview = total / sum_of_shares[..., np.newaxis]
-        shown = replace(self.rendition, tone=None).shown(fused.values)
-        blurred = partial(cv2.blur, ksize=(11, 11))
-        mean, mean_shown = blurred(preview), blurred(shown)
-        spread = blurred(preview * preview) - mean**2
-        gain = (blurred(preview * shown) - mean * mean_shown) / (spread + np.float32(9))
-        calibration = replace(self.calibration, usual=None)
-        difference = gain.clip(0, 2) * excess_difference(self.guide - preview, preview, calibration)
-        return self.rendition.raised(difference, cv2.INTER_CUBIC)
+        if self.pair.is_other:
+            shares = [resized(weight, rendition.size, cv2.INTER_AREA) for weight in fused.weights]
+            previews = np.array([each.preview for each in fused.candidates])
+            shown = np.einsum("kyxc,kyx->yxc", previews, shares) / np.sum(shares, axis=0)[..., np.newaxis]
+            usual = None
+        else:
+            shown = rendition.shown(fused.values)
+        difference = self.guide - shown
+        # without usual differences, only the better part of these can be judged
+        off = np.quantile(np.abs(difference), 0.5) if usual is None else np.abs(usual[0]).mean()
+        if rendition.is_small and off < EXACT and not self.pair.is_other:
+            return exact_difference(fused.values, self.guide, rendition)
+        excess = excess_difference(difference, shown, usual)
+        return rendition.raised(excess, cv2.INTER_CUBIC)
 
 
-def _smooth_flow(search: CoarseToFine, image: FrameCache, other: FrameCache) -> np.ndarray:
-    """Return the motion from an image to another one, interpolated between the vectors, (H, W, 2) float32."""
-    field, _ = search.estimate(image, other)
-    height, width = field.shape
-    rows, columns = field.vectors.shape[:2]
-    flow = cv2.resize(field.vectors, (columns * field.spacing, rows * field.spacing), interpolation=cv2.INTER_LINEAR)
-    return np.ascontiguousarray(flow[:height, :width])
+def _smooth_flows(search: CoarseToFine, image: FrameCache, other: FrameCache) -> list[np.ndarray]:
+    """Return the motion in both directions, interpolated between the vectors, each (H, W, 2) float32."""
+    flows = []
+    for field in search.estimate(image, other):
+        height, width = field.shape
+        rows, columns = field.vectors.shape[:2]
+        size = columns * field.spacing, rows * field.spacing
+        flow = cv2.resize(field.vectors, size, interpolation=cv2.INTER_LINEAR)
+        flows.append(np.ascontiguousarray(flow[:height, :width]))
+    return flows
 
 
-def _as_bytes(levels: np.ndarray) -> Image:
-    return np.asarray(np.rint(levels.clip(0, WHITE)).astype(np.uint8))
-
-
-def _patch_error(difference: np.ndarray, side: int, variance: float) -> np.ndarray:
-    """Return the squared difference around each pixel beyond that of noise, mean of the colours, square levels."""
-    squared = cv2.blur(np.mean(difference * difference, axis=2, dtype=np.float32), (side, side))
-    return np.asarray(np.maximum(squared - np.float32(variance), 0))
+def _as_bytes(levels: np.ndarray) -> FrameCache:
+    return FrameCache(np.rint(levels.clip(0, WHITE)).astype(np.uint8))
 
 
 def describe_findings(means: Mapping[str, float]) -> str:
     """Return what was found, in words, of the means of `GuideFindings` over all frames made with a guide."""
     parts = [f"{100 * means['from_frames']:.0f} % of the pixels agree with the frames around"]
-    if not means["calibrated"]:
-        parts.append("no guides of the frames around")
-    elif means["calibrated"] < 1:
-        parts.append(f"guides of the frames around {100 * means['calibrated']:.0f} % of them")
+    if means["calibrated"] < 1:
+        parts.append(f"{100 * means['calibrated']:.0f} % of the frames around have guides")
     if means["noise"] >= 3:
         parts.append(f"noise of {means['noise']:.0f} levels")
-    if max(abs(means["offset_x"]), abs(means["offset_y"])) >= 0.1:
+    if np.hypot(means["offset_x"], means["offset_y"]) >= 0.1:
         parts.append(f"offset ({means['offset_x']:.1f}, {means['offset_y']:.1f}) pixels")
     if means["other_shading"] >= 0.5:
         parts.append("other light or shading")

@@ -1,13 +1,17 @@
 """Guided synthesis against constructed truth: a moving texture whose in-between frame is known."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
 
 from fpsboost import FrameCache, find_method
-from fpsboost.layered import Layer, LayeredImage
+from fpsboost.layered import FrameImage, Layer, LayeredImage
 from fpsboost.synthesis import InterpolatedImage
-from fpsboost.synthesis.guided import Guide, describe_findings, follow_guide
+from fpsboost.synthesis.guide_calibration import Rendition, calibrate
+from fpsboost.synthesis.guide_colours import Colours
+from fpsboost.synthesis.guided import GuidedPair, GuideFindings, describe_findings
 
 HEIGHT, WIDTH = 96, 160
 
@@ -45,9 +49,21 @@ def without_guide(first: np.ndarray, last: np.ndarray) -> np.ndarray:
     return made
 
 
-def guided(first: np.ndarray, last: np.ndarray, guide: Guide) -> np.ndarray:
+def follow(
+    frames: tuple[FrameImage, FrameImage], made: InterpolatedImage, guides: Sequence[FrameImage | None], **options: bool
+) -> tuple[InterpolatedImage, GuideFindings]:
+    """Make a frame with its guide and those of the two frames, if there are some."""
+    images = [FrameCache(each) for each in frames]
+    picture, *of_frames = guides
+    for image, guide in zip(images, of_frames, strict=False):
+        image.guide = guide
+    assert picture is not None
+    return GuidedPair(*images).follow(made, picture, 0.5, **options)
+
+
+def guided(first: np.ndarray, last: np.ndarray, *guides: np.ndarray | None, **options: bool) -> np.ndarray:
     made = InterpolatedImage(without_guide(first, last))
-    image = follow_guide(FrameCache(first), FrameCache(last), made, guide, 0.5).image
+    image = follow((first, last), made, guides, **options)[0].image
     assert isinstance(image, np.ndarray)
     return image
 
@@ -57,7 +73,7 @@ def test_small_guides_show_where_things_are(with_key_guides: bool) -> None:
     """A guide of a quarter of the width puts an object that does not move evenly where it is."""
     first, truth, last = scene((0, 60, 80))
     of_keys = (small(first), small(last)) if with_key_guides else (None, None)
-    made = guided(first, last, Guide(small(truth), *of_keys))
+    made = guided(first, last, small(truth), *of_keys)
     assert decibels(truth, made) > 34
     assert decibels(truth, without_guide(first, last)) < 28
 
@@ -67,7 +83,7 @@ def test_noisy_guides_leave_no_noise() -> None:
     first, truth, last = scene((0, 60, 80))
     noise = np.random.default_rng(1).normal(0, 20, truth.shape)
     guide = (truth + noise).clip(0, 255).astype(np.uint8)
-    assert decibels(truth, guided(first, last, Guide(guide))) > 32
+    assert decibels(truth, guided(first, last, guide)) > 32
     assert decibels(truth, guide) < 23
 
 
@@ -75,22 +91,21 @@ def test_an_offset_is_found_by_the_guides_of_the_frames() -> None:
     """Guides that lie beside the frames are put in place if those of both frames show it."""
     first, truth, last = scene((0, 60, 80))
     first_guide, guide, last_guide = (small(np.roll(each, 2, axis=1)) for each in (first, truth, last))
-    frames = FrameCache(first), FrameCache(last)
     made = InterpolatedImage(without_guide(first, last))
-    found = follow_guide(*frames, made, Guide(guide, first_guide, last_guide), 0.5)
-    assert found.findings.offset_x == pytest.approx(2, abs=0.3)
-    assert decibels(truth, found.image) > 33
-    assert "offset (" in describe_findings(found.findings._asdict())
+    result, findings = follow((first, last), made, (guide, first_guide, last_guide))
+    assert findings.offset_x == pytest.approx(2, abs=0.3)
+    assert decibels(truth, result.image) > 33
+    assert "offset (" in describe_findings(findings._asdict())
 
 
 def test_what_no_frame_shows_comes_from_the_guide() -> None:
     """Something that is in neither frame is in the result as the guide shows it, unless the guide is damaged."""
     first, truth, last = scene((0, 40, 80))
     truth[70:90, 100:140] = (250, 20, 30)
-    guide = Guide(small(truth), small(first), small(last))
-    made = guided(first, last, guide)[72:88, 104:136].astype(int)
+    guides = small(truth), small(first), small(last)
+    made = guided(first, last, *guides)[72:88, 104:136].astype(int)
     assert abs(made - truth[72:88, 104:136]).mean() < 12
-    made = guided(first, last, guide._replace(is_damaged=True))[72:88, 104:136].astype(int)
+    made = guided(first, last, *guides, is_damaged=True)[72:88, 104:136].astype(int)
     assert abs(made - truth[72:88, 104:136]).mean() > 50
 
 
@@ -98,7 +113,7 @@ def test_what_no_frame_shows_comes_from_the_guide() -> None:
 def test_kinds_of_frames_keep_type_and_channels(kind: str) -> None:
     """Frames of 16 bits, gray ones and those with alpha come out as they are, with a guide of 8 bits in colour."""
     first, truth, last = scene((0, 60, 80))
-    guide = Guide(small(truth))
+    guide = small(truth)
     change = {
         "uint16": lambda frame: frame.astype(np.uint16) * 257,
         "gray": lambda frame: cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., np.newaxis],
@@ -106,7 +121,7 @@ def test_kinds_of_frames_keep_type_and_channels(kind: str) -> None:
     }[kind]
     first, truth, last = (change(each) for each in (first, truth, last))
     if kind == "gray":
-        guide = Guide(np.repeat(small(truth)[..., np.newaxis], 3, axis=2))
+        guide = np.repeat(small(truth)[..., np.newaxis], 3, axis=2)
     made = guided(first, last, guide)
     assert (made.shape, made.dtype) == (truth.shape, truth.dtype)
     assert decibels(truth, made) > 33
@@ -124,7 +139,7 @@ def test_sums_of_linear_layers_stay_sums() -> None:
     first, truth, last = (layered(each) for each in frames)
     made = InterpolatedImage(layered((frames[0] + frames[2]) / 2))
     guide = LayeredImage(cv2.resize(truth.colour, (WIDTH // 4, HEIGHT // 4), interpolation=cv2.INTER_AREA), ())
-    image = follow_guide(FrameCache(first), FrameCache(last), made, Guide(guide), 0.5).image
+    image = follow((first, last), made, [guide])[0].image
     assert isinstance(image, LayeredImage)
     planes = image.planes()
     np.testing.assert_allclose(planes["A.R"] * 3, planes["B.R"], atol=1e-5)
@@ -136,8 +151,43 @@ def test_confidence_is_given_where_it_was_asked_for() -> None:
     """Confidence is high where the frames explain the guide, and None if the frame came without."""
     first, truth, last = scene((0, 60, 80))
     made = InterpolatedImage(without_guide(first, last), np.ones((HEIGHT, WIDTH), np.float32))
-    result = follow_guide(FrameCache(first), FrameCache(last), made, Guide(small(truth)), 0.5)
+    result, findings = follow((first, last), made, [small(truth)])
     assert result.confidence is not None
     assert result.confidence.shape == (HEIGHT, WIDTH)
     assert result.confidence.mean() > 0.9
-    assert result.findings.from_frames > 0.9
+    assert findings.from_frames > 0.9
+
+
+def test_guides_full_of_errors_do_not_spoil_a_good_frame() -> None:
+    """Where guides have large errors, as guides of the frames show, a frame that is right without stays as it is."""
+    first, middle, last = (texture()[:, 8 + shift : 8 + shift + WIDTH] for shift in (-2, 0, 2))
+    noise = np.random.default_rng(2)
+
+    def coarse(frame: np.ndarray) -> np.ndarray:
+        blurred = cv2.GaussianBlur(small(frame).astype(np.float32), (0, 0), 1.5)
+        errors = cv2.GaussianBlur(noise.normal(0, 40, blurred.shape).astype(np.float32), (0, 0), 2)
+        return np.rint((blurred + errors).clip(0, 255)).astype(np.uint8)
+
+    guides = [coarse(each) for each in (middle, first, last)]
+    assert decibels(small(middle), guides[0]) < 24
+    assert decibels(middle, guided(first, last, *guides)) > 42
+
+
+@pytest.mark.parametrize("in_light", [False, True])
+def test_the_filter_of_guides_is_found(in_light: bool) -> None:
+    """A blur of small guides, of light or of code values, is found by the guides of the frames."""
+    frames = scene((0, 40, 80))[::2]
+
+    def shown(frame: np.ndarray) -> np.ndarray:
+        values = frame.astype(np.float32) / 255
+        means = cv2.GaussianBlur(small(values**2.2 if in_light else values), (0, 0), 0.6)
+        return 255 * (means ** (1 / 2.2) if in_light else means)
+
+    guides = [shown(each) for each in frames]
+    rendition = Rendition(Colours(), (WIDTH, HEIGHT), (WIDTH // 4, HEIGHT // 4))
+    pictures = [each.astype(np.float32) for each in frames]
+    found = calibrate(rendition, pictures, guides, are_frames=True)
+    assert found.rendition.in_light is in_light
+    for picture, guide in zip(pictures, guides, strict=True):
+        assert np.abs(found.rendition.shown(picture) - guide).mean() < 0.4
+        assert np.abs(rendition.shown(picture) - guide).mean() > 0.8
