@@ -133,8 +133,8 @@ def test_what_makes_no_clip_makes_no_file(tmp_path, images):
 @pytest.mark.parametrize(
     ("encoding", "name", "sentence"),
     [
-        (Encoding(codec="h246"), "out.mp4", "`codec='h246'` is unknown.*did you mean 'h264'"),
-        (Encoding(codec="aac"), "out.mp4", "`codec='aac'` is unknown"),
+        (Encoding(codec="h246"), "out.mp4", "`codec='h246'` is neither known here nor .*did you mean 'h264'"),
+        (Encoding(codec="aac"), "out.mp4", "`codec='aac'` is neither known here nor"),
         (Encoding(codec="h264"), "out.webm", "cannot go into .*; use vp9 or av1, or write .mp4 or .m4v or .mov"),
         (Encoding(crf=52), "out.mp4", "`crf` must be 0 to 51 for h264, not 52"),
         (Encoding(crf=-1, codec="vp9"), "out.webm", "`crf` must be 0 to 63"),
