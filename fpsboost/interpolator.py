@@ -387,6 +387,5 @@ class Interpolator(Checked):
 def _guided(pair: Pair, made: InterpolatedImage, picture: FrameImage, t: float | Fraction) -> InterpolatedImage:
     """Return an image as its guide shows it, and keep what the guide tells with the pair."""
     check_guide_size("A guide", picture.shape[:2], made.image.shape[:2])
-    is_damaged = pair.image0.guide is pair.image0.image  # as is a frame that guides its own repair
-    image, pair.findings[t] = pair.guided.follow(made, picture, float(t), is_damaged=is_damaged)
+    image, pair.findings[t] = pair.guided.follow(made, picture, float(t))
     return image

@@ -53,7 +53,7 @@ def shown_guides(monkeypatch: pytest.MonkeyPatch) -> None:
         def __init__(self, image0, image1):
             self.images = image0, image1
 
-        def follow(self, made, picture, t, *, is_damaged):
+        def follow(self, made, picture, t):
             image = np.empty((*SIZE, 3), np.uint8)
             image[:] = [level_of(each) for each in (picture, *(each.guide for each in self.images))]
             return InterpolatedImage(image, made.confidence), SimpleNamespace(_asdict=lambda: {"t": t})

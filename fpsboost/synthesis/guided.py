@@ -50,6 +50,9 @@ AROUND = 9
 UNSURE_SHARE = 0.15
 """Share of the usual error by which an error may be more or less than it seems."""
 
+AROUND_DAMAGE = np.ones((21, 21), np.uint8)
+"""Area around damage in which the repair that is made without a guide is trusted, pixels."""
+
 OWN_WEIGHT = 2.0
 """Weight of the frame that is made without a guide as a multiple of that of the others, if guides have no error."""
 
@@ -116,6 +119,8 @@ class GuidedPair:
         self.calibration: Calibration | None = None
         self.is_other = False
         """Whether their light or shading is another one, so that only guides are comparable with guides."""
+        self.is_damaged = image0.guide is image0.image
+        """Whether frames guide their own repair, so that nothing is taken from them but where everything is."""
         self.usual = self.doubt = np.float32(0)
         """Usual squared error of guides, (h, w) or a number, and that of motion from them, square levels."""
         if image0.guide is not None and image1.guide is not None:
@@ -163,9 +168,7 @@ class GuidedPair:
         if not self.is_other:
             self.doubt = self.doubt * (self.usual + EXACT_ERROR) / (self.usual + INEXACT_ERROR)
 
-    def follow(
-        self, made: InterpolatedImage, picture: FrameImage, t: float, *, is_damaged: bool = False
-    ) -> tuple[InterpolatedImage, GuideFindings]:
+    def follow(self, made: InterpolatedImage, picture: FrameImage, t: float) -> tuple[InterpolatedImage, GuideFindings]:
         """Return an in-between frame as its guide shows it, and what the guide tells.
 
         Parameters
@@ -176,8 +179,6 @@ class GuidedPair:
             Its guide, BGR(A): of the shape of the frames, and at most of their size.
         t : float
             Its time between the two frames, in (0, 1).
-        is_damaged : bool
-            Whether the guide is damaged, so that nothing is taken from it but where everything is.
         """
         guide = self.levels_of(picture)
         values = self.colours.values(made.image)
@@ -189,7 +190,7 @@ class GuidedPair:
         findings = GuideFindings(
             float(bool(self.guides)), known.noise, -x, -y, float(self.is_other), float(agreement.mean())
         )
-        values = fused.values if is_damaged else self.colours.shifted(fused.values, frame.difference(fused))
+        values = fused.values if self.is_damaged else self.colours.shifted(fused.values, frame.difference(fused))
         colours = self.colours.image(values, *self.images, t)
         layered = [each for each in (*self.images, made.image) if isinstance(each, LayeredImage)]
         image = LayeredImage(colours, mixed_layers(fused, layered)) if layered else colours
@@ -294,7 +295,11 @@ class GuidedFrame:
         """Return the mean of candidates, weighted by the errors that are expected of them."""
         usual = self.pair.usual
         unsure = FLOOR**2 + self.variance / self.side + UNSURE_SHARE * usual
-        expected = [self._expected(each) + unsure for each in candidates]
+        best = np.minimum.reduce([each.error for each in candidates])
+        trust = np.ones_like(best)
+        if self.pair.is_damaged:  # what no frame explains is damage, and so is what lies around
+            trust = np.exp(cv2.dilate(best, AROUND_DAMAGE) * (-0.5 / UNSURE**2))
+        expected = [self._expected(each) * (trust if each.flow is None else 1) + unsure for each in candidates]
         least = np.minimum.reduce(expected)
         own_weight = OWN_WEIGHT * (1 + usual / DOUBTFUL)
         total = np.zeros(candidates[0].values.shape, np.float32)
