@@ -68,7 +68,8 @@ def check_guide_size(name: str, size: tuple[int, ...], of_frames: tuple[int, ...
     sizes = f"{name} has {width}x{height} pixels, and the frames have {most_width}x{most_height}"
     # sizes are rounded to whole pixels, and those of videos to even ones
     is_other = abs(width * most_height - height * most_width) > max(of_frames)
-    if is_other or width > most_width or height > most_height:
-        raise InputError(f"{sizes}; crop or render the guide in their shape, and at most as large.")
-    if min(size) < LEAST_SIDE_OF_GUIDE:
-        raise InputError(f"{sizes}; make the guide larger, at least {LEAST_SIDE_OF_GUIDE} pixels high and wide.")
+    if is_other or width > most_width or height > most_height or min(size) < LEAST_SIDE_OF_GUIDE:
+        raise InputError(
+            f"{sizes}; crop or render the guide in their shape, at most as large, and at least "
+            f"{LEAST_SIDE_OF_GUIDE} pixels high and wide."
+        )

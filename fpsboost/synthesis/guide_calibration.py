@@ -109,12 +109,6 @@ class Rendition:
         x, y = self.offset
         return full if self.offset == (0, 0) else displaced(full, (-x, -y))
 
-    def motion(self, flow: np.ndarray) -> np.ndarray:
-        """Return the motion (dx, dy) from the places of a guide of any size for the pixels of the frames, in these."""
-        height, width = flow.shape[:2]
-        scale = np.array([self.full[0] / width, self.full[1] / height], np.float32)
-        return self.raised(flow * scale)
-
     def fitted(self, pictures: Sequence[np.ndarray], guides: Sequence[np.ndarray]) -> Rendition:
         """Return the rendition with the filter that brings pictures closest to their guides.
 

@@ -113,7 +113,7 @@ class GuidedPair:
         self.images = image0.image, image1.image
         self.colours = Colours.of(*self.images)
         self.keys = [self.colours.values(each) for each in self.images]
-        self.bytes = [self.as_bytes(key) for key in self.keys]
+        self.bytes = [_as_bytes(self.colours.levels(key)) for key in self.keys]
         self.guides: list[np.ndarray] = []
         """Levels of the guides of both frames, or none."""
         self.calibration: Calibration | None = None
@@ -131,10 +131,6 @@ class GuidedPair:
     def levels_of(self, picture: FrameImage) -> np.ndarray:
         """Return the levels of a guide, (h, w, 3) float32."""
         return self.colours.levels(self.colours.values(picture))
-
-    def as_bytes(self, values: np.ndarray) -> FrameCache:
-        """Return values of the frames as an image that is searched."""
-        return _as_bytes(self.colours.levels(values))
 
     def rendition(self, guide: np.ndarray) -> Rendition:
         """Return how a guide shows frames, as far as only its size is known."""
@@ -187,9 +183,7 @@ class GuidedPair:
         fused = frame.fused(values)
         agreement = np.exp(fused.error * (-0.5 / UNSURE**2))
         x, y = known.rendition.offset
-        findings = GuideFindings(
-            float(bool(self.guides)), known.noise, -x, -y, float(self.is_other), float(agreement.mean())
-        )
+        findings = GuideFindings(bool(self.guides), known.noise, -x, -y, self.is_other, float(agreement.mean()))
         values = fused.values if self.is_damaged else self.colours.shifted(fused.values, frame.difference(fused))
         colours = self.colours.image(values, *self.images, t)
         layered = [each for each in (*self.images, made.image) if isinstance(each, LayeredImage)]
@@ -241,7 +235,7 @@ class GuidedFrame:
         """Return the mean of all candidates."""
         flows = [(i, self.search(like, *each)) for each in self.searches for i, like in enumerate(self.like)]
         candidates = [self.along(*each) for each in flows] + self._own(made)
-        first = self.pair.as_bytes(self._mean(candidates).values)
+        first = _as_bytes(self.pair.colours.levels(self._mean(candidates).values))
         flows = [(i, _smooth_flows(SECOND_SEARCH, first, key)[0]) for i, key in enumerate(self.pair.bytes)]
         return self._mean([*candidates, *(self.along(*each) for each in flows)])
 
@@ -251,7 +245,8 @@ class GuidedFrame:
         size = round(scale * width), round(scale * height)
         way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
         guide, other = (_as_bytes(resized(each, size, way)) for each in (self.guide, picture))
-        return self.rendition.motion(_smooth_flows(search, guide, other)[0])
+        flow, _ = _smooth_flows(search, guide, other)
+        return self.rendition.raised(flow * np.divide(self.rendition.full, size, dtype=np.float32))
 
     def along(self, source: int, flow: np.ndarray) -> Candidate:
         """Return a frame along a motion."""
@@ -266,7 +261,7 @@ class GuidedFrame:
     def _own(self, made: np.ndarray) -> list[Candidate]:
         """Return the frame that is made without a guide, and that displaced to fit the guide, as candidates."""
         if self.pair.is_other:
-            image = self.pair.as_bytes(made)
+            image = _as_bytes(self.pair.colours.levels(made))
             flows = [_smooth_flows(SECOND_SEARCH, image, key)[0] for key in self.pair.bytes]
             return [self._candidate(made, 2, None, self.preview(i, flow)) for i, flow in enumerate(flows)]
         flow = self.search(self.rendition.shown(made), *self.searches[0])
@@ -341,8 +336,7 @@ class GuidedFrame:
         off = np.quantile(np.abs(difference), 0.5) if usual is None else np.abs(usual[0]).mean()
         if rendition.is_small and off < EXACT and not self.pair.is_other:
             return exact_difference(fused.values, self.guide, rendition)
-        excess = excess_difference(difference, shown, usual)
-        return rendition.raised(excess, cv2.INTER_CUBIC)
+        return rendition.raised(excess_difference(difference, shown, usual), cv2.INTER_CUBIC)
 
 
 def _smooth_flows(search: CoarseToFine, image: FrameCache, other: FrameCache) -> list[np.ndarray]:
