@@ -37,9 +37,11 @@ SAMPLES = 30000
 PRIOR = 0.05
 """Usual size of the weights of a filter but for that in the middle."""
 
-TONE_EDGES = np.linspace(-1, 257, 25)
-TONE_CENTRES = (TONE_EDGES[1:] + TONE_EDGES[:-1]) / 2
-"""Levels between which, and at which, the curve of a tone is known."""
+TONE_BLUR = 4.0
+"""Standard deviation of the blur of the curve of a tone, levels."""
+
+RARE = 0.0002
+"""Share of pixels of one level of which half of the tone is believed."""
 
 OFFSET_ROUNDS = 3
 """Rounds in which the offset is corrected."""
@@ -66,8 +68,8 @@ class Rendition:
         Place (x, y) in the frames of what the guide shows at 0, in pixels of the frames.
     weights : (SIDE**2 + 1,) float32
         The filter: weights of the means around each pixel, and what is added, in units of `WHITE`.
-    tone : (3, n) or None
-        What is added to the levels of `TONE_CENTRES`, for each colour.
+    tone : (1, 256, 3) float32, or None
+        What is added to each level.
     """
 
     colours: Colours
@@ -206,30 +208,35 @@ def _stacked_gray(pictures: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def fit_tone(shown: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Return what is added to the levels of `TONE_CENTRES` for the tone of guides, for each colour, (3, n).
+    """Return what is added to each level for the tone of guides, (1, 256, 3) float32.
 
     Other light has one, and so has noise that is clipped: it is darker near white, and brighter near black.
     """
     curves = []
     for levels, others in zip(cv2.split(shown), cv2.split(known), strict=True):
-        count, _ = np.histogram(levels, TONE_EDGES)
-        total, _ = np.histogram(levels, TONE_EDGES, weights=others - levels)
+        places = as_bytes(levels).ravel()
+        sums = np.vstack([np.bincount(places, each.ravel(), 256) for each in (others - levels, np.ones_like(levels))])
+        total, count = cv2.GaussianBlur(sums, (0, 0), TONE_BLUR, sigmaY=1e-3)
         # a tone that few pixels have is uncertain
-        curves.append(total / (count + 0.002 * levels.size))
-    return np.array(curves)
+        curves.append(total / (count + RARE * places.size))
+    return np.array(curves, np.float32).T[np.newaxis]
 
 
 def with_tone(levels: np.ndarray, tone: np.ndarray) -> np.ndarray:
     """Return levels in another tone."""
-    planes = zip(cv2.split(levels), tone, strict=True)
-    return np.dstack([plane + np.interp(plane, TONE_CENTRES, curve).astype(np.float32) for plane, curve in planes])
+    return levels + cv2.LUT(as_bytes(levels), tone)
+
+
+def as_bytes(levels: np.ndarray) -> np.ndarray:
+    """Return levels as 8-bit code values."""
+    return np.asarray(np.rint(levels.clip(0, WHITE)).astype(np.uint8))
 
 
 def estimate_noise(difference: np.ndarray) -> float:
     """Return the standard deviation of fine differences, levels; at least 1."""
     fine = np.abs(difference - cv2.blur(difference, (3, 3)))
     # the lower quartile does not see what moved otherwise; 3 x 3 pixels have 8/9 of the variance
-    return max(float(np.quantile(fine, 0.25)) / 0.3186 * 1.06, 1.0)
+    return max(float(np.quantile(fine, 0.25)) / 0.3, 1.0)
 
 
 def squared(difference: np.ndarray) -> np.ndarray:

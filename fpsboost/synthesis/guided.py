@@ -27,8 +27,8 @@ from fpsboost.layered import FrameImage, LayeredImage
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.agreement import sample
-from fpsboost.synthesis.guide_calibration import Calibration, Rendition, calibrate, resized, squared
-from fpsboost.synthesis.guide_colours import WHITE, Colours
+from fpsboost.synthesis.guide_calibration import Calibration, Rendition, as_bytes, calibrate, resized, squared
+from fpsboost.synthesis.guide_colours import Colours
 from fpsboost.synthesis.guide_layers import Candidate, Fused, mixed_layers
 from fpsboost.synthesis.guide_residual import EXACT, exact_difference, excess_difference
 
@@ -113,7 +113,7 @@ class GuidedPair:
         self.images = image0.image, image1.image
         self.colours = Colours.of(*self.images)
         self.keys = [self.colours.values(each) for each in self.images]
-        self.bytes = [_as_bytes(self.colours.levels(key)) for key in self.keys]
+        self.bytes = [_searched(self.colours.levels(key)) for key in self.keys]
         self.guides: list[np.ndarray] = []
         """Levels of the guides of both frames, or none."""
         self.calibration: Calibration | None = None
@@ -235,7 +235,7 @@ class GuidedFrame:
         """Return the mean of all candidates."""
         flows = [(i, self.search(like, *each)) for each in self.searches for i, like in enumerate(self.like)]
         candidates = [self.along(*each) for each in flows] + self._own(made)
-        first = _as_bytes(self.pair.colours.levels(self._mean(candidates).values))
+        first = _searched(self.pair.colours.levels(self._mean(candidates).values))
         flows = [(i, _smooth_flows(SECOND_SEARCH, first, key)[0]) for i, key in enumerate(self.pair.bytes)]
         return self._mean([*candidates, *(self.along(*each) for each in flows)])
 
@@ -244,7 +244,7 @@ class GuidedFrame:
         width, height = self.rendition.size
         size = round(scale * width), round(scale * height)
         way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-        guide, other = (_as_bytes(resized(each, size, way)) for each in (self.guide, picture))
+        guide, other = (_searched(resized(each, size, way)) for each in (self.guide, picture))
         flow, _ = _smooth_flows(search, guide, other)
         return self.rendition.raised(flow * np.divide(self.rendition.full, size, dtype=np.float32))
 
@@ -261,7 +261,7 @@ class GuidedFrame:
     def _own(self, made: np.ndarray) -> list[Candidate]:
         """Return the frame that is made without a guide, and that displaced to fit the guide, as candidates."""
         if self.pair.is_other:
-            image = _as_bytes(self.pair.colours.levels(made))
+            image = _searched(self.pair.colours.levels(made))
             flows = [_smooth_flows(SECOND_SEARCH, image, key)[0] for key in self.pair.bytes]
             return [self._candidate(made, 2, None, self.preview(i, flow)) for i, flow in enumerate(flows)]
         flow = self.search(self.rendition.shown(made), *self.searches[0])
@@ -351,8 +351,8 @@ def _smooth_flows(search: CoarseToFine, image: FrameCache, other: FrameCache) ->
     return flows
 
 
-def _as_bytes(levels: np.ndarray) -> FrameCache:
-    return FrameCache(np.rint(levels.clip(0, WHITE)).astype(np.uint8))
+def _searched(levels: np.ndarray) -> FrameCache:
+    return FrameCache(as_bytes(levels))
 
 
 def describe_findings(means: Mapping[str, float]) -> str:
