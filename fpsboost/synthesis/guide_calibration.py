@@ -137,9 +137,8 @@ class Calibration:
     rendition: Rendition
     noise: float
     """Standard deviation of their noise, levels."""
-    usual: tuple[np.ndarray, np.ndarray] | None
-    """Difference of the guides of both frames, one below the other, from what they show, and that; None without
-    these."""
+    usual: tuple[np.ndarray, np.ndarray]
+    """Difference of the guides by which they were calibrated, one below the other, from what they show, and that."""
 
 
 def calibrate(
@@ -179,7 +178,7 @@ def calibrate(
         rendition = replace(rendition, tone=fit_tone(shown(rendition), known))
     expected = shown(rendition)
     difference = known - expected
-    return Calibration(rendition, estimate_noise(difference), (difference, expected) if are_frames else None)
+    return Calibration(rendition, estimate_noise(difference), (difference, expected))
 
 
 def _with_offset(rendition: Rendition, keys: Sequence[np.ndarray], guides: Sequence[np.ndarray]) -> Rendition:
@@ -194,9 +193,10 @@ def _with_offset(rendition: Rendition, keys: Sequence[np.ndarray], guides: Seque
         except cv2.error:  # nothing to see
             break
         # the guide shows at x + shift what the frames do at x
-        x, y = rendition.offset - shift[:, 2] * rendition.factor
-        if np.hypot(*shift[:, 2]) * rendition.factor < LEAST_OFFSET:
+        change = shift[:, 2] * rendition.factor
+        if np.hypot(*change) < LEAST_OFFSET:
             break
+        x, y = rendition.offset - change
         rendition = replace(rendition, offset=(float(x), float(y)))
     return rendition
 

@@ -194,7 +194,6 @@ class GuidedPair:
 
 def _are_other(calibration: Calibration, known: np.ndarray, previews: np.ndarray) -> bool:
     """Return whether guides have other light or shading than frames, so that only other guides explain them."""
-    assert calibration.usual is not None, "the guides are those of frames"
     smooth = partial(cv2.blur, ksize=(5, 5))
     apart = np.mean(smooth(calibration.usual[0]) ** 2)
     contrast = np.mean((smooth(known) - cv2.blur(known, (31, 31))) ** 2)
@@ -323,7 +322,7 @@ class GuidedFrame:
     def difference(self, fused: Fused) -> np.ndarray:
         """Return what the guide shows beyond what the frames do, and beyond its usual differences, levels."""
         rendition = self.rendition
-        usual = self.calibration.usual
+        usual = self.calibration.usual if self.pair.guides else None
         if self.pair.is_other:
             shares = [resized(weight, rendition.size, cv2.INTER_AREA) for weight in fused.weights]
             previews = np.array([each.preview for each in fused.candidates])
