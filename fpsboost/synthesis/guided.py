@@ -302,12 +302,7 @@ class GuidedFrame:
             share = (least / error) ** SHARPNESS * (own_weight if each.flow is None else 1)
             weights.append(self.rendition.raised(share))
             total += weights[-1][..., np.newaxis] * each.values
-        return Fused(
-            total / np.sum(weights, axis=0)[..., np.newaxis],
-            np.minimum.reduce([each.error for each in candidates]),
-            candidates,
-            weights,
-        )
+        return Fused(total / np.sum(weights, axis=0)[..., np.newaxis], best, candidates, weights)
 
     def _expected(self, candidate: Candidate) -> np.ndarray:
         """Return the error that is expected of a candidate beyond the usual one of guides, square levels."""
