@@ -51,6 +51,10 @@ class Colours:
         colours = _colours_of(values)
         return colours if self.exposure is None else self.of_light(colours.clip(0, MAX_LIGHT))
 
+    def levels_of(self, image: FrameImage) -> np.ndarray:
+        """Return an image as it is compared, (H, W, 3) float32."""
+        return self.levels(self.values(image))
+
     def light(self, levels: np.ndarray) -> np.ndarray:
         """Return the light of `levels`, nearly: that of scene-linear colours, or that of the usual gamma."""
         if self.exposure is None:

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from fpsboost.synthesis.guide_calibration import Rendition, squared
+from fpsboost.synthesis.guide_calibration import Rendition, resized, squared
 
 EXCESS = 2.0
 """Multiple of the usual power of a difference from which on the guide shows something else."""
@@ -24,8 +24,10 @@ ROUNDS = 3
 Average = Callable[..., Any]
 
 
-def exact_difference(values: np.ndarray, guide: np.ndarray, rendition: Rendition) -> np.ndarray:
-    """Return what makes a picture agree with an exact small guide, levels, by back-projection (Irani and Peleg 1991).
+def exact_difference(values: np.ndarray, guide: np.ndarray, error: np.ndarray, rendition: Rendition) -> np.ndarray:
+    """Return what makes a picture agree with an exact small guide, levels, without detail where it did not.
+
+    It is found by back-projection (Irani and Peleg 1991). Detail that is in a wrong place would stay as thin lines.
 
     Parameters
     ----------
@@ -33,13 +35,18 @@ def exact_difference(values: np.ndarray, guide: np.ndarray, rendition: Rendition
         Values of the picture.
     guide : (h, w, 3) float32
         Levels of the guide.
+    error : (h, w) float32
+        Squared difference of the picture's best part from the guide.
     rendition : Rendition
     """
-    difference = np.zeros((*values.shape[:2], 3), np.float32)
+    picture = rendition.colours.levels(values)
+    detail = picture - rendition.raised(resized(picture, rendition.size, cv2.INTER_AREA), cv2.INTER_CUBIC)
+    power = resized(squared(detail), rendition.size, cv2.INTER_AREA)
+    difference = -rendition.raised(error / (power + error + 1e-3))[..., np.newaxis] * detail
     for _ in range(ROUNDS):
         shown = rendition.shown(rendition.colours.shifted(values, difference))
         difference += rendition.raised(guide - shown, cv2.INTER_CUBIC)
-    return difference
+    return np.asarray(difference)
 
 
 def excess_difference(

@@ -86,8 +86,6 @@ SECOND_SEARCH = CoarseToFine(finest_level=1)
 class GuideFindings(NamedTuple):
     """Figures on a pair of frames and its guides, of which the means tell of a whole run."""
 
-    calibrated: float
-    """1 if the guides of both frames were there, else 0."""
     noise: float
     """Standard deviation of their noise, levels of 255."""
     offset_x: float
@@ -113,7 +111,7 @@ class GuidedPair:
         self.images = image0.image, image1.image
         self.colours = Colours.of(*self.images)
         self.keys = [self.colours.values(each) for each in self.images]
-        self.bytes = [_searched(self.colours.levels(key)) for key in self.keys]
+        self.bytes = [_searched(self.colours.levels_of(each)) for each in self.images]
         self.guides: list[np.ndarray] = []
         """Levels of the guides of both frames, or none."""
         self.calibration: Calibration | None = None
@@ -124,13 +122,9 @@ class GuidedPair:
         self.usual = self.doubt = np.float32(0)
         """Usual squared error of guides, (h, w) or a number, and that of motion from them, square levels."""
         if image0.guide is not None and image1.guide is not None:
-            self.guides = [self.levels_of(each) for each in (image0.guide, image1.guide)]
+            self.guides = [self.colours.levels_of(each) for each in (image0.guide, image1.guide)]
             self.calibration = calibrate(self.rendition(self.guides[0]), self.keys, self.guides, are_frames=True)
             self._measure(self.calibration)
-
-    def levels_of(self, picture: FrameImage) -> np.ndarray:
-        """Return the levels of a guide, (h, w, 3) float32."""
-        return self.colours.levels(self.colours.values(picture))
 
     def rendition(self, guide: np.ndarray) -> Rendition:
         """Return how a guide shows frames, as far as only its size is known."""
@@ -176,14 +170,14 @@ class GuidedPair:
         t : float
             Its time between the two frames, in (0, 1).
         """
-        guide = self.levels_of(picture)
+        guide = self.colours.levels_of(picture)
         values = self.colours.values(made.image)
         known = self.calibration or calibrate(self.rendition(guide), [values], [guide], are_frames=False)
         frame = GuidedFrame(self, guide, known)
         fused = frame.fused(values)
         agreement = np.exp(fused.error * (-0.5 / UNSURE**2))
         x, y = known.rendition.offset
-        findings = GuideFindings(bool(self.guides), known.noise, -x, -y, self.is_other, float(agreement.mean()))
+        findings = GuideFindings(known.noise, -x, -y, self.is_other, float(agreement.mean()))
         values = fused.values if self.is_damaged else self.colours.shifted(fused.values, frame.difference(fused))
         colours = self.colours.image(values, *self.images, t)
         layered = [each for each in (*self.images, made.image) if isinstance(each, LayeredImage)]
@@ -218,12 +212,8 @@ class GuidedFrame:
         self.calibration = calibration
         self.rendition = calibration.rendition
         self.searches = SMALL_SEARCHES if self.rendition.is_small else LARGE_SEARCHES
+        self.variance = calibration.noise**2
         self.side = SMALL_PATCH if self.rendition.is_small else PATCH
-
-    @property
-    def variance(self) -> float:
-        """Variance of the noise of what is compared, which is two guides if light or shading is another one."""
-        return self.calibration.noise**2 * (2 if self.pair.is_other else 1)
 
     @cached_property
     def like(self) -> list[np.ndarray]:
@@ -329,7 +319,7 @@ class GuidedFrame:
         # without usual differences, only the better part of these can be judged
         off = np.quantile(np.abs(difference), 0.5) if usual is None else np.abs(usual[0]).mean()
         if rendition.is_small and off < EXACT and not self.pair.is_other:
-            return exact_difference(fused.values, self.guide, rendition)
+            return exact_difference(fused.values, self.guide, np.maximum(fused.error - FLOOR**2, 0), rendition)
         return rendition.raised(excess_difference(difference, shown, usual), cv2.INTER_CUBIC)
 
 
@@ -352,8 +342,6 @@ def _searched(levels: np.ndarray) -> FrameCache:
 def describe_findings(means: Mapping[str, float]) -> str:
     """Return what was found, in words, of the means of `GuideFindings` over all frames made with a guide."""
     parts = [f"{100 * means['from_frames']:.0f} % of the pixels agree with the frames around"]
-    if means["calibrated"] < 1:
-        parts.append(f"{100 * means['calibrated']:.0f} % of the frames around have guides")
     if means["noise"] >= 3:
         parts.append(f"noise of {means['noise']:.0f} levels")
     if np.hypot(means["offset_x"], means["offset_y"]) >= 0.1:
