@@ -179,7 +179,7 @@ def test_the_command_scores_other_tools(fpsboost_, clip, tmp_path):
     assert rows["known"].replace(" ", "").endswith("│-│")
     assert not rows["last"].endswith("- │")
     page = (tmp_path / "page" / "index.html").read_text()
-    assert "--frames known=" in page
+    assert "<span>--frames</span> <span>known=" in page
     assert "compare" in page.partition("-m blend --frames")[0]
 
 
