@@ -148,14 +148,14 @@ class GuidedPair:
             )
             errors.append(usual)
             # where the guide shows that motion is wrong, it is not followed
-            unsure = FLOOR**2 + frame.variance / frame.side + np.mean(usual)
+            unsure = FLOOR**2 + np.mean(usual)
             shares.append(unsure / (found.error + unsure))
             ordinary = sample(self.keys[1 - i], flows[i], cv2.INTER_LINEAR)
             wrong, least = (frame.wrong(each, self.keys[i]) for each in (found.values, ordinary))
             excess.append(np.maximum(wrong - least, 0))
         self.usual = np.float32((errors[0] + errors[1]) / 2)
         self.doubt = np.float32(DOUBT * np.average(excess, weights=shares))
-        if not self.is_other:
+        if not (self.is_other and rendition.is_small):  # whose pixels do not show what is between them
             self.doubt = self.doubt * (self.usual + EXACT_ERROR) / (self.usual + INEXACT_ERROR)
 
     def follow(self, made: InterpolatedImage, picture: FrameImage, t: float) -> tuple[InterpolatedImage, GuideFindings]:
