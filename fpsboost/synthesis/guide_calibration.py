@@ -103,7 +103,7 @@ class Rendition:
         kernel = self.weights[:-1].reshape(SIDE, SIDE)
         shown = cv2.filter2D(self.averaged(values), -1, kernel) + self.weights[-1] * WHITE
         levels = self.colours.of_light(np.maximum(shown, 0)) if self.in_light else shown
-        return levels if self.tone is None else with_tone(levels, self.tone)
+        return levels if self.tone is None else levels + cv2.LUT(as_bytes(levels), self.tone)
 
     def raised(self, values: np.ndarray, interpolation: int = cv2.INTER_LINEAR) -> np.ndarray:
         """Return values at the pixels of a guide for the pixels of the frames."""
@@ -220,11 +220,6 @@ def fit_tone(shown: np.ndarray, known: np.ndarray) -> np.ndarray:
         # a tone that few pixels have is uncertain
         curves.append(total / (count + RARE * places.size))
     return np.array(curves, np.float32).T[np.newaxis]
-
-
-def with_tone(levels: np.ndarray, tone: np.ndarray) -> np.ndarray:
-    """Return levels in another tone."""
-    return levels + cv2.LUT(as_bytes(levels), tone)
 
 
 def as_bytes(levels: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ class Candidate(NamedTuple):
     """0 or 1 for a frame, 2 for the frame that is made without a guide."""
     flow: np.ndarray | None
     """Motion from each pixel to its source, (H, W, 2) float32; None if there is none."""
-    preview: np.ndarray | None = None
+    warped_guide: np.ndarray | None = None
     """The guide of its frame along the same motion, levels, if light or shading is another one."""
 
 
@@ -49,7 +49,7 @@ def mixed_layers(fused: Fused, images: Sequence[LayeredImage]) -> tuple[Layer, .
 
     def mixed(name: str) -> np.ndarray:
         each = zip(fused.candidates, fused.weights, strict=True)
-        weighted = (weight * _sampled(planes[one.source][name], one.flow, cv2.INTER_LINEAR) for one, weight in each)
+        weighted = (weight * _sampled(planes[one.source][name], one.flow) for one, weight in each)
         return np.asarray(sum(weighted) / total)
 
     def chosen(name: str) -> np.ndarray:
@@ -63,9 +63,9 @@ def mixed_layers(fused: Fused, images: Sequence[LayeredImage]) -> tuple[Layer, .
     return tuple(layers)
 
 
-def _sampled(plane: np.ndarray, flow: np.ndarray | None, interpolation: int) -> np.ndarray:
+def _sampled(plane: np.ndarray, flow: np.ndarray | None) -> np.ndarray:
     values = plane.astype(np.float32)
-    return values if flow is None else sample(values, flow, interpolation)
+    return values if flow is None else sample(values, flow, cv2.INTER_LINEAR)
 
 
 def _nearest(plane: np.ndarray, flow: np.ndarray | None) -> np.ndarray:

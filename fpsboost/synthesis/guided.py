@@ -15,7 +15,7 @@ Li, Li and Fu (2017) have the idea, as modified non-local means for the super-re
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -56,21 +56,22 @@ AROUND_DAMAGE = np.ones((21, 21), np.uint8)
 OWN_WEIGHT = 2.0
 """Weight of the frame that is made without a guide as a multiple of that of the others, if guides have no error."""
 
-DOUBTFUL = 40.0
+DOUBLING_ERROR = 40.0
 """Usual error of guides at which that weight is doubled, square levels."""
 
-DOUBT = 2.0
+MOTION_ERROR_FACTOR = 2.0
 """Error of motion from guides as a multiple of what is measured between the frames, of which no other one is near."""
 
 EXACT_ERROR, INEXACT_ERROR = 1.0, 10.0
-"""Usual errors of guides, square levels, of which a tenth of that error is taken, as the guides show it, and half."""
+"""The error of motion counts by the share (q + EXACT_ERROR) / (q + INEXACT_ERROR) for the usual error q of guides,
+square levels: exact guides show by themselves where motion is wrong."""
 
 OTHER_SHADING = 0.06
-"""Share of the coarse contrast of guides that the frames do not explain from which on light or shading may be another
+"""Smallest share of the coarse contrast of guides that the frames leave unexplained where light or shading is another
 one."""
 
 OTHER_ERROR = 0.5
-"""Error of the other frame's guide along the motion, as a share of that of the frames, up to which it is."""
+"""Largest error of the other frame's guide along the motion there, as a share of the error of the frame."""
 
 UNSURE = 12.0
 """Difference from the guide at which confidence is 0.6, levels."""
@@ -111,7 +112,7 @@ class GuidedPair:
         self.images = image0.image, image1.image
         self.colours = Colours.of(*self.images)
         self.keys = [self.colours.values(each) for each in self.images]
-        self.bytes = [_searched(self.colours.levels_of(each)) for each in self.images]
+        self.bytes = [_searched(self.colours.levels(key)) for key in self.keys]
         self.guides: list[np.ndarray] = []
         """Levels of the guides of both frames, or none."""
         self.calibration: Calibration | None = None
@@ -119,7 +120,7 @@ class GuidedPair:
         """Whether their light or shading is another one, so that only guides are comparable with guides."""
         self.is_damaged = image0.guide is image0.image
         """Whether frames guide their own repair, so that nothing is taken from them but where everything is."""
-        self.usual = self.doubt = np.float32(0)
+        self.usual = self.motion_error = np.float32(0)
         """Usual squared error of guides, (h, w) or a number, and that of motion from them, square levels."""
         if image0.guide is not None and image1.guide is not None:
             self.guides = [self.colours.levels_of(each) for each in (image0.guide, image1.guide)]
@@ -136,11 +137,14 @@ class GuidedPair:
         rendition = calibration.rendition
         flows = _smooth_flows(SECOND_SEARCH, *self.bytes)
         frames = [GuidedFrame(self, guide, calibration) for guide in self.guides]
-        previews = [frame.preview(1 - i, flow) for i, (frame, flow) in enumerate(zip(frames, flows, strict=True))]
-        self.is_other = _are_other(calibration, np.vstack(self.guides), np.vstack(previews))
+        warped_guides = [
+            frame.warped_guide(1 - i, flow) for i, (frame, flow) in enumerate(zip(frames, flows, strict=True))
+        ]
+        self.is_other = _are_other(calibration, np.vstack(self.guides), np.vstack(warped_guides))
         errors, excess, shares = [], [], []
         for i, frame in enumerate(frames):
-            found = frame.along(1 - i, frame.search(frame.like[1 - i], *frame.searches[0]))
+            (flow,) = frame.search([frame.shown_keys[1 - i]], *frame.searches[0])
+            found = frame.along(1 - i, flow)
             usual = (
                 np.median(found.error)
                 if self.is_other
@@ -151,12 +155,12 @@ class GuidedPair:
             unsure = FLOOR**2 + np.mean(usual)
             shares.append(unsure / (found.error + unsure))
             ordinary = sample(self.keys[1 - i], flows[i], cv2.INTER_LINEAR)
-            wrong, least = (frame.wrong(each, self.keys[i]) for each in (found.values, ordinary))
+            wrong, least = (frame.error_at_full_size(each, self.keys[i]) for each in (found.values, ordinary))
             excess.append(np.maximum(wrong - least, 0))
         self.usual = np.float32((errors[0] + errors[1]) / 2)
-        self.doubt = np.float32(DOUBT * np.average(excess, weights=shares))
+        self.motion_error = np.float32(MOTION_ERROR_FACTOR * np.average(excess, weights=shares))
         if not (self.is_other and rendition.is_small):  # whose pixels do not show what is between them
-            self.doubt = self.doubt * (self.usual + EXACT_ERROR) / (self.usual + INEXACT_ERROR)
+            self.motion_error = self.motion_error * (self.usual + EXACT_ERROR) / (self.usual + INEXACT_ERROR)
 
     def follow(self, made: InterpolatedImage, picture: FrameImage, t: float) -> tuple[InterpolatedImage, GuideFindings]:
         """Return an in-between frame as its guide shows it, and what the guide tells.
@@ -186,12 +190,14 @@ class GuidedPair:
         return InterpolatedImage(image, confidence), findings
 
 
-def _are_other(calibration: Calibration, known: np.ndarray, previews: np.ndarray) -> bool:
+def _are_other(calibration: Calibration, known: np.ndarray, warped_guides: np.ndarray) -> bool:
     """Return whether guides have other light or shading than frames, so that only other guides explain them."""
     smooth = partial(cv2.blur, ksize=(5, 5))
     apart = np.mean(smooth(calibration.usual[0]) ** 2)
     contrast = np.mean((smooth(known) - cv2.blur(known, (31, 31))) ** 2)
-    error, error_of_frames = (np.median(smooth(squared(each))) for each in (previews - known, calibration.usual[0]))
+    error, error_of_frames = (
+        np.median(smooth(squared(each))) for each in (warped_guides - known, calibration.usual[0])
+    )
     return bool(apart > OTHER_SHADING * max(contrast, 1) and error < OTHER_ERROR * error_of_frames)
 
 
@@ -216,33 +222,33 @@ class GuidedFrame:
         self.side = SMALL_PATCH if self.rendition.is_small else PATCH
 
     @cached_property
-    def like(self) -> list[np.ndarray]:
+    def shown_keys(self) -> list[np.ndarray]:
         """The two frames as guides show them."""
         return self.pair.guides if self.pair.is_other else [self.rendition.shown(key) for key in self.pair.keys]
 
     def fused(self, made: np.ndarray) -> Fused:
         """Return the mean of all candidates."""
-        flows = [(i, self.search(like, *each)) for each in self.searches for i, like in enumerate(self.like)]
+        flows = [pair for each in self.searches for pair in enumerate(self.search(self.shown_keys, *each))]
         candidates = [self.along(*each) for each in flows] + self._own(made)
         first = _searched(self.pair.colours.levels(self._mean(candidates).values))
         flows = [(i, _smooth_flows(SECOND_SEARCH, first, key)[0]) for i, key in enumerate(self.pair.bytes)]
         return self._mean([*candidates, *(self.along(*each) for each in flows)])
 
-    def search(self, picture: np.ndarray, scale: float, search: CoarseToFine) -> np.ndarray:
-        """Return the motion from the guide to a picture that looks like it, for every pixel of the frame."""
+    def search(self, pictures: Sequence[np.ndarray], scale: float, search: CoarseToFine) -> list[np.ndarray]:
+        """Return the motion from the guide to pictures that look like it, for every pixel of the frame."""
         width, height = self.rendition.size
         size = round(scale * width), round(scale * height)
         way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-        guide, other = (_searched(resized(each, size, way)) for each in (self.guide, picture))
-        flow, _ = _smooth_flows(search, guide, other)
-        return self.rendition.raised(flow * np.divide(self.rendition.full, size, dtype=np.float32))
+        guide, *others = (_searched(resized(each, size, way)) for each in (self.guide, *pictures))
+        to_frame = np.divide(self.rendition.full, size, dtype=np.float32)
+        return [self.rendition.raised(_smooth_flows(search, guide, each)[0] * to_frame) for each in others]
 
     def along(self, source: int, flow: np.ndarray) -> Candidate:
         """Return a frame along a motion."""
-        preview = self.preview(source, flow) if self.pair.is_other else None
-        return self._candidate(sample(self.pair.keys[source], flow, cv2.INTER_CUBIC), source, flow, preview)
+        warped_guide = self.warped_guide(source, flow) if self.pair.is_other else None
+        return self._candidate(sample(self.pair.keys[source], flow, cv2.INTER_CUBIC), source, flow, warped_guide)
 
-    def preview(self, source: int, flow: np.ndarray) -> np.ndarray:
+    def warped_guide(self, source: int, flow: np.ndarray) -> np.ndarray:
         """Return the guide of a frame along a motion of the frame's pixels."""
         motion = resized(flow, self.rendition.size, cv2.INTER_LINEAR) / self.rendition.factor
         return sample(self.pair.guides[source], motion, cv2.INTER_CUBIC)
@@ -252,24 +258,24 @@ class GuidedFrame:
         if self.pair.is_other:
             image = _searched(self.pair.colours.levels(made))
             flows = [_smooth_flows(SECOND_SEARCH, image, key)[0] for key in self.pair.bytes]
-            return [self._candidate(made, 2, None, self.preview(i, flow)) for i, flow in enumerate(flows)]
-        flow = self.search(self.rendition.shown(made), *self.searches[0])
+            return [self._candidate(made, 2, None, self.warped_guide(i, flow)) for i, flow in enumerate(flows)]
+        (flow,) = self.search([self.rendition.shown(made)], *self.searches[0])
         moved = sample(made, flow, cv2.INTER_CUBIC)
         return [self._candidate(made, 2, None), self._candidate(moved, 2, flow)]
 
     def _candidate(
-        self, values: np.ndarray, source: int, flow: np.ndarray | None, preview: np.ndarray | None = None
+        self, values: np.ndarray, source: int, flow: np.ndarray | None, warped_guide: np.ndarray | None = None
     ) -> Candidate:
         """Return a candidate with its difference from the guide."""
-        error = self.error(self.rendition.shown(values) if preview is None else preview)
-        return Candidate(values, error, source, flow, preview)
+        error = self.error(self.rendition.shown(values) if warped_guide is None else warped_guide)
+        return Candidate(values, error, source, flow, warped_guide)
 
     def error(self, shown: np.ndarray) -> np.ndarray:
         """Return the squared difference from the guide around each pixel beyond that of noise, square levels."""
         error = cv2.blur(squared(shown - self.guide), (self.side, self.side))
         return np.asarray(np.maximum(error - self.variance, 0))
 
-    def wrong(self, values: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    def error_at_full_size(self, values: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Return the squared error of a picture around each pixel of the guide, square levels."""
         colours = self.pair.colours
         error = squared(colours.levels(values) - colours.levels(truth))
@@ -285,7 +291,7 @@ class GuidedFrame:
             trust = np.exp(cv2.dilate(best, AROUND_DAMAGE) * (-0.5 / UNSURE**2))
         expected = [self._expected(each) * (trust if each.flow is None else 1) + unsure for each in candidates]
         least = np.minimum.reduce(expected)
-        own_weight = OWN_WEIGHT * (1 + usual / DOUBTFUL)
+        own_weight = OWN_WEIGHT * (1 + usual / DOUBLING_ERROR)
         total = np.zeros(candidates[0].values.shape, np.float32)
         weights = []
         for each, error in zip(candidates, expected, strict=True):
@@ -299,7 +305,7 @@ class GuidedFrame:
         usual = self.pair.usual
         error = candidate.error
         if candidate.flow is not None:
-            return np.maximum(error - usual, 0) + self.pair.doubt
+            return np.maximum(error - usual, 0) + self.pair.motion_error
         if np.mean(usual) > EXACT_ERROR:
             error = cv2.blur(error, (OWN_PATCH, OWN_PATCH))
         return np.maximum(error - usual, 0)
@@ -310,8 +316,8 @@ class GuidedFrame:
         usual = self.calibration.usual if self.pair.guides else None
         if self.pair.is_other:
             shares = [resized(weight, rendition.size, cv2.INTER_AREA) for weight in fused.weights]
-            previews = np.array([each.preview for each in fused.candidates])
-            shown = np.einsum("kyxc,kyx->yxc", previews, shares) / np.sum(shares, axis=0)[..., np.newaxis]
+            warped_guides = np.array([each.warped_guide for each in fused.candidates])
+            shown = np.einsum("kyxc,kyx->yxc", warped_guides, shares) / np.sum(shares, axis=0)[..., np.newaxis]
             usual = None
         else:
             shown = rendition.shown(fused.values)
