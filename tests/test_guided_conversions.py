@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fpsboost import InputError, Part, RunOptions, Summary, convert, join
-from fpsboost.contracts import SilentObserver
 from support.exr_truth import content, write_exr
+from support.stopping import StopAfter
 
 Array = NDArray[Any]
 
@@ -119,17 +119,6 @@ def test_other_guides_than_usual_are_in_order(clip: Path, drawn: Any) -> None:
     assert convert_it(clip, "out").guided_frames == len(MADE)
 
 
-class Stop(SilentObserver):
-    """Stops a run after so many frames."""
-
-    def __init__(self, after: int) -> None:
-        self.after = after
-
-    def wrote(self, summary: Summary) -> None:
-        if summary.frames_out == self.after:
-            raise KeyboardInterrupt
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [6, 8])
 def test_runs_that_go_on_and_parts_make_the_frames_of_one(clip: Path, after: int) -> None:
@@ -137,7 +126,7 @@ def test_runs_that_go_on_and_parts_make_the_frames_of_one(clip: Path, after: int
     convert_it(clip, "whole")
     whole = contents(clip / "whole")
     with pytest.raises(KeyboardInterrupt):
-        convert_it(clip, "again", run=RunOptions(observer=Stop(after)))
+        convert_it(clip, "again", run=RunOptions(observer=StopAfter(after)))
     summary = convert_it(clip, "again", resume=True)
     assert 0 < summary.completed_frames < LAST
     assert contents(clip / "again") == whole

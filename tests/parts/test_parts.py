@@ -15,13 +15,14 @@ import pytest
 from numpy.typing import NDArray
 
 from fpsboost import DecodeOptions, Encoding, Position, Timing, Trim, VectorFolder, convert, find_method, join
-from fpsboost.contracts import SilentObserver, Summary
+from fpsboost.contracts import Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.video.sink import VideoPartSink, VideoSink
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
 from fpsboost.run_options import Part, RunOptions, parse_part
 from support.comparison_truth import save_clip
 from support.exr_truth import write_exr
+from support.stopping import StopAfter
 from support.vector_truth import save_vectors
 from support.video_truth import packets_of, scene, write_clip
 
@@ -274,17 +275,6 @@ def test_a_part_that_exists(tmp_path, made):
     spoil(min((made / "0002-of-0003").glob("*.png")))
     again(run=RunOptions(chunk=Part(2, 3), overwrite=True))
     join(str(tmp_path / "out"), [made])
-
-
-class StopAfter(SilentObserver):
-    """Observer that stops a run after some frames."""
-
-    def __init__(self, frames: int) -> None:
-        self._frames = frames
-
-    def wrote(self, summary: Summary) -> None:
-        if summary.frames_out == self._frames:
-            raise KeyboardInterrupt
 
 
 @pytest.mark.slow
