@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -32,7 +32,6 @@ from fpsboost.remarks import Remarks
 from fpsboost.synthesis.guided import describe_findings
 from fpsboost.timeline import FramePlace, Guides
 from fpsboost.timing.position import as_ranges
-from fpsboost.timing.schedule import Schedule, count_frames
 
 TOLERANCE = Fraction(1, 4)
 """Farthest that a guide lies from its frame in time, as a part of the interval between output frames."""
@@ -52,8 +51,6 @@ class GuidedClip:
     """The part of the clip that is converted."""
     stream: StreamInfo
     """Files of the clip, and whether they are images."""
-    schedule: Schedule
-    """Times of the output frames."""
     factor: Fraction | None
     """Output frames per image, where images may keep their numbers."""
     requirements: TargetRequirements
@@ -96,15 +93,12 @@ class PlacedGuides:
     near: list[Frame] = field(default_factory=list)
     """The last frames that were read, one before the frame that was asked for last and one after it."""
 
-    def _wanted(self, place: FramePlace) -> tuple[Fraction, Fraction]:
-        """Return when the source shows the guide of a frame, after its first frame, and the tolerance; seconds."""
-        if self.step is None:
-            return place.seconds + self.offset, place.interval * TOLERANCE
-        return place.number * self.step + self.offset, Fraction(0)
-
     def picture(self, place: FramePlace) -> FrameImage | None:
         """Return the picture that is nearest to a frame; see `fpsboost.timeline.Guides`."""
-        at, tolerance = self._wanted(place)
+        at, tolerance = place.seconds, place.interval * TOLERANCE
+        if self.step is not None:
+            at, tolerance = place.number * self.step, Fraction(0)
+        at += self.offset
         self.frames = self.frames or self._read_from(at)
         while not (self.near and self.near[-1].time >= at) and (following := next(self.frames, None)):
             self.near = [*self.near[-1:], following]
@@ -139,7 +133,7 @@ def opened_guides(decoding: DecodeOptions, clip: GuidedClip) -> Iterator[Guides 
     Raises
     ------
     InputError, OptionError
-        It cannot be read, is no picture of the clip, has another shape, is larger, or shows none of the frames.
+        It cannot be read, is no picture of the clip, has another shape, or is larger.
     """
     if decoding.guide_path is None:
         yield None if decoding.guide is None else own_picture
@@ -168,19 +162,14 @@ def placed_guides(path: str, decoding: DecodeOptions, clip: GuidedClip) -> Itera
     with open_source(path, requirements=clip.requirements, decoding=reading, fill_gaps=bool(step)) as source:
         if step is None and clip.stream.images is not None and decoding.input_fps is None:
             raise OptionError(f"{path} goes by time, and images have no frame rate; say it with `input_fps`.")
-        _check_files(path, source.stream_info.files[0], clip.stream.files)
+        _check_file(path, source.stream_info.files[0])
         shown = clip.source.info
         check_guide_size(path, (source.info.height, source.info.width), (shown.height, shown.width))
-        guides = PlacedGuides(source, offset, step)
-        if decoding.trim.is_whole:
-            _check_overlap(path, guides, clip)
-        yield guides
+        yield PlacedGuides(source, offset, step)
 
 
-def _check_files(path: str, file: Path, of_clip: Sequence[Path]) -> None:
-    """Raise `OptionError` if the first file of a guide is one of the clip itself, or by its name no picture of it."""
-    if any(map(file.samefile, of_clip)):
-        raise OptionError(f"`guide` {path} is the input itself; name a cheap clip of the frames to be made.")
+def _check_file(path: str, file: Path) -> None:
+    """Raise `OptionError` if the first file of a guide is, by its name, no picture."""
     layers = contents_of(read_exr_header(file)).pictures[:1] if extension_of(file.name) == ".exr" else []
     found = PASS.search(" ".join([file.name, *layers]).lower())
     if found:
@@ -188,13 +177,3 @@ def _check_files(path: str, file: Path, of_clip: Sequence[Path]) -> None:
             f"`guide` {path} holds {found[0]}, and a guide is a picture of the frame; render that with few samples or "
             "at a small size."
         )
-
-
-def _check_overlap(path: str, guides: PlacedGuides, clip: GuidedClip) -> None:
-    """Raise `InputError` if a guide surely shows none of the frames, by the lengths of both."""
-    info = clip.source.info
-    frames = count_frames(clip.schedule, info, holds_last_frame=False)
-    end = info.duration if guides.step is None else frames and frames * guides.step
-    length = guides.source.info.duration
-    if (end is not None and guides.offset <= -end) or (length is not None and guides.offset >= length):
-        raise InputError(f"{path} shows none of the frames; number it like the output, or correct `guide_offset`.")

@@ -185,7 +185,7 @@ class Preparation:
         target = clip.target
         linear = self.interpolator.takes_layers
         needs = TargetRequirements(pictures_alone=not target.has_clock, upright=target.has_rate, linear=linear)
-        return GuidedClip(clip.source, clip.whole.stream_info, self.schedule, self.output.factor, needs)
+        return GuidedClip(clip.source, clip.whole.stream_info, self.output.factor, needs)
 
 
 @contextmanager

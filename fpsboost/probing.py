@@ -288,4 +288,4 @@ def find_guides(ready: Preparation) -> Remarks:
 
 def _without_pictures(times: Sequence[Fraction]) -> Iterator[Frame]:
     """Yield frames of one pixel with the times of others, from the first one on."""
-    return (Frame(NO_PICTURE, time - times[0], Fraction(0)) for time in times)
+    return (Frame(NO_PICTURE, time - times[0]) for time in times)

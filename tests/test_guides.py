@@ -269,13 +269,8 @@ def exr_of(layer: str, folder: Path) -> str:
     [
         (lambda folder: save(folder / "g", {2: 9}, (24, 24)), "24x24 pixels, .* 64x48; crop or render the guide in"),
         (lambda folder: save(folder / "g", {2: 9}, (96, 128)), "has 128x96 pixels, .* 64x48; crop or render"),
-        (lambda folder: str(folder / "r"), "is the input itself; name a cheap clip"),
         (lambda folder: "-", "is read beside the input, which a pipe does not allow; name a file or a folder"),
         (lambda folder: str(folder / "nowhere"), "nowhere does not exist; check the name"),
-        (
-            lambda folder: save(folder / "g", {12: 9, 13: 9}),
-            "g shows none of the frames; number it like the output",
-        ),
         (lambda folder: save(folder / "Depth", {2: 9}), "holds depth, and a guide is a picture of the frame; render"),
         (lambda folder: save(folder / "a.albedo", {2: 9}), "holds albedo, and a guide is a picture"),
         (lambda folder: exr_of("View.Normal", folder / "g"), "holds normal, and a guide is a picture"),
@@ -298,12 +293,17 @@ def test_images_without_numbers_are_no_guide_of_images(tmp_path):
         convert(clip, tmp_path / "out", guide=tmp_path / "g")
 
 
-def test_a_guide_that_ends_before_the_clip_is_refused(tmp_path):
-    """The option that moves it is named; where it goes by numbers, there is no such."""
-    clip = flat_clip(tmp_path / "in.mkv", [20, 40, 60])
-    guide = flat_clip(tmp_path / "g.mkv", [1, 2, 3])
-    with pytest.raises(InputError, match=r"mkv shows none of the frames; .*, or correct `guide_offset`"):
-        convert(clip, tmp_path / "out", guide=guide, guide_offset=7)
+@pytest.mark.parametrize("numbers", [(12, 13), (1, 5, 9)])
+def test_a_guide_of_none_of_the_frames_is_told(tmp_path, numbers):
+    """Whether its numbers are others, or it shows the input alone: all frames are made as usual, and listed."""
+    clip = save(tmp_path / "r", RENDERED)
+    summary = convert(clip, tmp_path / "out", guide=save(tmp_path / "g", dict.fromkeys(numbers, 9)))
+    assert summary.guided_frames == 0
+    assert remark(summary, "guide-missing").values["missing"] == summary.frames_made == 6
+
+
+def test_an_offset_is_for_guides_by_time(tmp_path):
+    """Images go by their numbers."""
     images = save(tmp_path / "r", RENDERED)
     cheap = save(tmp_path / "g", {2: 2})
     with pytest.raises(OptionError, match=r"`guide_offset` is for guides by time, and .*g goes by numbers; leave it"):

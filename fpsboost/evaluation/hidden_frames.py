@@ -24,7 +24,7 @@ from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import Checked, Duplicates, PositiveInt, words_of_options
 from fpsboost.timeline import FramePlace, Guides, positions_of
-from fpsboost.timing.schedule import ByFactor, ByRate, rising_time
+from fpsboost.timing.schedule import ByRate, rising_time
 
 WHOLE = "0:"
 """Range of the whole clip."""
@@ -174,10 +174,7 @@ class HoldOut(Checked):
         count = repeats = 0
         with (
             open_source(path, requirements=requirements, decoding=self.decoding) as whole,
-            opened_guides(
-                self.decoding,
-                GuidedClip(whole, whole.stream_info, ByFactor(Fraction(1)), Fraction(1), requirements),
-            ) as guides,
+            opened_guides(self.decoding, GuidedClip(whole, whole.stream_info, Fraction(1), requirements)) as guides,
         ):
             info = whole.info
             clock = ByRate.forgiving(2 * info.rate, info.rate, info.time_base)  # as in a conversion to twice the rate
@@ -218,8 +215,9 @@ class HoldOut(Checked):
                 # frames, and their guides, are those of an output at the clip's own times
                 shown = SourceFrame(replace(frame, time=time), None, Fraction(position.number), position)
                 if guides is not None:
-                    place = FramePlace(Fraction(position.number), position.seconds, 1 / source.info.rate, None)
-                    shown.guide = guides(place)
+                    shown.guide = guides(
+                        FramePlace(Fraction(position.number), position.seconds, 1 / source.info.rate, None)
+                    )
                 yield shown
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:

@@ -48,29 +48,27 @@ def mixed_layers(fused: Fused, images: Sequence[LayeredImage]) -> tuple[Layer, .
     total = np.sum(fused.weights, axis=0)
 
     def mixed(name: str) -> np.ndarray:
-        each = zip(fused.candidates, fused.weights, strict=True)
-        weighted = (weight * _sampled(planes[one.source][name], one.flow) for one, weight in each)
+        weighted = (
+            weight * _along(planes[one.source][name].astype(np.float32), one.flow, cv2.INTER_LINEAR)
+            for one, weight in zip(fused.candidates, fused.weights, strict=True)
+        )
         return np.asarray(sum(weighted) / total)
 
     def chosen(name: str) -> np.ndarray:
-        return np.asarray(np.choose(best, [_nearest(planes[one.source][name], one.flow) for one in fused.candidates]))
+        kind = planes[0][name].dtype
+        bits = [
+            _along(planes[one.source][name].view(f"i{kind.itemsize}"), one.flow, cv2.INTER_NEAREST)
+            for one in fused.candidates
+        ]
+        return np.asarray(np.choose(best, bits)).view(kind)
 
     layers = []
     for layer in images[0].layers:
         made = mixed if layer.kind == "linear" else chosen
-        filled = {name: made(name).astype(plane.dtype, copy=False) for name, plane in layer.planes.items()}
+        filled = {name: made(name).astype(plane.dtype) for name, plane in layer.planes.items()}
         layers.append(replace(layer, planes=filled))
     return tuple(layers)
 
 
-def _sampled(plane: np.ndarray, flow: np.ndarray | None) -> np.ndarray:
-    values = plane.astype(np.float32)
-    return values if flow is None else sample(values, flow, cv2.INTER_LINEAR)
-
-
-def _nearest(plane: np.ndarray, flow: np.ndarray | None) -> np.ndarray:
-    """Return the values of the pixels nearest to the end of the motion, unmixed."""
-    if flow is None:
-        return plane
-    places = np.arange(plane.size, dtype=np.float64).reshape(plane.shape)
-    return np.asarray(plane.ravel()[sample(places, flow, cv2.INTER_NEAREST).astype(np.intp)])
+def _along(plane: np.ndarray, flow: np.ndarray | None, interpolation: int) -> np.ndarray:
+    return plane if flow is None else sample(plane, flow, interpolation)
