@@ -13,7 +13,7 @@ import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy
 from fpsboost.analysis.still_parts import find_still_parts
-from fpsboost.errors import OptionError, SceneCutWarning
+from fpsboost.errors import InputError, OptionError, SceneCutWarning
 from fpsboost.finishing import finish, measure_uncertainty, replace_unsure
 from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
@@ -220,7 +220,7 @@ class Interpolator(Checked):
         Raises
         ------
         InputError
-            The two are not images of one size and type.
+            The two are not images of one size and type, or guides of them are unlike those between.
         OptionError
             A time lies outside of [0, 1], or float images are surely on another scale: from -1 to 1, or whole numbers.
 
@@ -234,6 +234,8 @@ class Interpolator(Checked):
         check_pair(image0, image1, "image0", "image1")
         check_values(image0, "image0")
         check_values(image1, "image1")
+        if key_guides and guides and any(each.shape != guides[0].shape for each in key_guides):
+            raise InputError("`key_guides` must be like the guides between them; make all of one size and colours.")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         pair.image0.guide, pair.image1.guide = key_guides or (None, None)
