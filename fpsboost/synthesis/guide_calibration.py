@@ -8,7 +8,7 @@ that is made without a guide takes the place of the frames, and what cannot be t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -45,9 +45,6 @@ RARE = 0.0002
 
 OFFSET_ROUNDS = 3
 """Rounds in which the offset is corrected."""
-
-MARGIN = 4
-"""Width of the edge of guides that is not compared, pixels."""
 
 LEAST_OFFSET = 0.1
 """Smallest offset that is corrected, pixels of the frames."""
@@ -94,9 +91,7 @@ class Rendition:
         """Return the means of the areas of the guide's pixels, (h, w, 3) float32: of light, or of levels."""
         levels = self.colours.levels(values)
         pixels = self.colours.light(levels) if self.in_light else levels
-        if self.offset != (0, 0):
-            pixels = displaced(pixels, self.offset)
-        return resized(pixels, self.size, cv2.INTER_AREA)
+        return resized(displaced(pixels, self.offset), self.size, cv2.INTER_AREA)
 
     def shown(self, values: np.ndarray) -> np.ndarray:
         """Return the levels that a guide has of a picture, (h, w, 3) float32."""
@@ -107,16 +102,22 @@ class Rendition:
 
     def raised(self, values: np.ndarray, interpolation: int = cv2.INTER_LINEAR) -> np.ndarray:
         """Return values at the pixels of a guide for the pixels of the frames."""
-        full = resized(values, self.full, interpolation)
         x, y = self.offset
-        return full if self.offset == (0, 0) else displaced(full, (-x, -y))
+        return displaced(resized(values, self.full, interpolation), (-x, -y))
+
+    def equalised(self, guide: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return a guide whose levels are as frequent as in its picture, wherever things are in the two."""
+        for _ in range(3):  # since a tone is smooth, and uncertain
+            ranked = [np.sort(each.reshape(-1, 1, 3), axis=0) for each in (guide, self.shown(values))]
+            guide = guide + cv2.LUT(as_bytes(guide), fit_tone(*ranked))
+        return guide
 
     def fitted(self, pictures: Sequence[np.ndarray], guides: Sequence[np.ndarray]) -> Rendition:
         """Return the rendition with the filter that brings pictures closest to their guides.
 
         The least squares are weighted, so that what moved otherwise does not count (Geman and McClure 1987).
         """
-        step = max(1, round((sum(each.size for each in guides) / SAMPLES) ** 0.5))
+        step = max(1, round((2 * guides[0].size / SAMPLES) ** 0.5))
         windows = [sliding_window_view(self.averaged(each), (SIDE, SIDE), (0, 1)) for each in pictures]
         means = np.vstack([each[::step, ::step].reshape(-1, SIDE**2) for each in windows])
         means = np.hstack([means, np.full((len(means), 1), WHITE)])
@@ -142,7 +143,12 @@ class Calibration:
 
 
 def calibrate(
-    rendition: Rendition, pictures: Sequence[np.ndarray], guides: Sequence[np.ndarray], *, are_frames: bool
+    rendition: Rendition,
+    pictures: Sequence[np.ndarray],
+    guides: Sequence[np.ndarray],
+    *,
+    are_frames: bool,
+    with_tone: bool = True,
 ) -> Calibration:
     """Find out how guides show pictures.
 
@@ -156,6 +162,8 @@ def calibrate(
         Levels of their guides.
     are_frames : bool
         Whether the pictures are the frames, so that all differences from their guides are those of guides.
+    with_tone : bool
+        Whether guides may have a tone of their own.
     """
     known = np.vstack(guides)
     contrast = squared(known - cv2.blur(known, (3, 3)))
@@ -169,27 +177,26 @@ def calibrate(
         return float(np.quantile(squared(shown(way) - known)[edges], 0.4))
 
     if are_frames:
-        rendition = min(rendition, _with_offset(rendition, pictures, guides), key=apart)
-    ways = [rendition, replace(rendition, in_light=True)] if rendition.is_small else [rendition]
+        rendition = min(rendition, _with_offset(rendition, shown, known), key=apart)
+    ways = [rendition, replace(rendition, in_light=True)][: 1 + rendition.is_small]
     if are_frames:
         ways = [way.fitted(pictures, guides) for way in ways]
     rendition = min(ways, key=apart)
-    if are_frames or not rendition.is_small:
+    if with_tone and (are_frames or not rendition.is_small):
         rendition = replace(rendition, tone=fit_tone(shown(rendition), known))
     expected = shown(rendition)
     difference = known - expected
     return Calibration(rendition, estimate_noise(difference), (difference, expected))
 
 
-def _with_offset(rendition: Rendition, keys: Sequence[np.ndarray], guides: Sequence[np.ndarray]) -> Rendition:
-    """Return the rendition with the offset of guides, found without their edges (Evangelidis and Psarakis 2008)."""
-    known = _stacked_gray(guides)
+def _with_offset(rendition: Rendition, shown: Callable[[Rendition], np.ndarray], known: np.ndarray) -> Rendition:
+    """Return the rendition with the offset of guides (Evangelidis and Psarakis 2008)."""
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
     for _ in range(OFFSET_ROUNDS):
         shift = np.eye(2, 3, dtype=np.float32)
-        shown = _stacked_gray([rendition.shown(key) for key in keys])
+        gray, gray_known = (cv2.cvtColor(each, cv2.COLOR_BGR2GRAY) for each in (shown(rendition), known))
         try:
-            cv2.findTransformECC(shown, known, shift, cv2.MOTION_TRANSLATION, stop)
+            cv2.findTransformECC(gray, gray_known, shift, cv2.MOTION_TRANSLATION, stop)
         except cv2.error:  # nothing to see
             break
         # the guide shows at x + shift what the frames do at x
@@ -199,12 +206,6 @@ def _with_offset(rendition: Rendition, keys: Sequence[np.ndarray], guides: Seque
         x, y = rendition.offset - change
         rendition = replace(rendition, offset=(float(x), float(y)))
     return rendition
-
-
-def _stacked_gray(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the gray of levels without their edges, one below the other."""
-    inner = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    return np.vstack([cv2.cvtColor(each, cv2.COLOR_BGR2GRAY)[inner] for each in pictures])
 
 
 def fit_tone(shown: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -246,4 +247,6 @@ def resized(values: np.ndarray, size: Size, interpolation: int) -> np.ndarray:
 
 def displaced(values: np.ndarray, offset: tuple[float, float]) -> np.ndarray:
     """Return the values that lie at an offset (x, y) from each pixel; edges are repeated."""
+    if offset == (0, 0):
+        return values
     return sample(values, np.broadcast_to(np.array(offset, np.float32), (*values.shape[:2], 2)), cv2.INTER_CUBIC)

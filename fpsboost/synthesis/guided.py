@@ -70,6 +70,10 @@ OTHER_SHADING = 0.06
 """Smallest share of the coarse contrast of guides that the frames leave unexplained where light or shading is another
 one."""
 
+OTHER_EXPOSURE = 1.0
+"""Difference of the guides of both frames, beyond that of the frames, from which on each has its own exposure, levels;
+it must be clear beside its deviation over the parts of the picture."""
+
 OTHER_ERROR = 0.5
 """Largest error of the other frame's guide along the motion there, as a share of the error of the frame."""
 
@@ -116,6 +120,8 @@ class GuidedPair:
         self.guides: list[np.ndarray] = []
         """Levels of the guides of both frames, or none."""
         self.calibration: Calibration | None = None
+        self.are_exposed = False
+        """Whether each guide has an exposure of its own."""
         self.is_other = False
         """Whether their light or shading is another one, so that only guides are comparable with guides."""
         self.is_damaged = image0.guide is image0.image
@@ -124,7 +130,14 @@ class GuidedPair:
         """Usual squared error of guides, (h, w) or a number, and that of motion from them, square levels."""
         if image0.guide is not None and image1.guide is not None:
             self.guides = [self.colours.levels_of(each) for each in (image0.guide, image1.guide)]
-            self.calibration = calibrate(self.rendition(self.guides[0]), self.keys, self.guides, are_frames=True)
+            rendition = self.rendition(self.guides[0])
+            self.calibration = calibrate(rendition, self.keys, self.guides, are_frames=True)
+            first, second = np.split(self.calibration.usual[0], 2)
+            mean, deviation = cv2.meanStdDev(cv2.resize(first - second, (8, 8), interpolation=cv2.INTER_AREA))
+            self.are_exposed = bool((abs(mean) > np.maximum(OTHER_EXPOSURE, deviation / 2)).any())
+            if self.are_exposed:
+                self.guides = list(map(rendition.equalised, self.guides, self.keys))
+                self.calibration = calibrate(rendition, self.keys, self.guides, are_frames=True, with_tone=False)
             self._measure(self.calibration)
 
     def rendition(self, guide: np.ndarray) -> Rendition:
@@ -176,7 +189,10 @@ class GuidedPair:
         """
         guide = self.colours.levels_of(picture)
         values = self.colours.values(made.image)
-        known = self.calibration or calibrate(self.rendition(guide), [values], [guide], are_frames=False)
+        rendition = self.rendition(guide)
+        if self.are_exposed:
+            guide = rendition.equalised(guide, values)
+        known = self.calibration or calibrate(rendition, [values], [guide], are_frames=False)
         frame = GuidedFrame(self, guide, known)
         fused = frame.fused(values)
         agreement = np.exp(fused.error * (-0.5 / UNSURE**2))

@@ -98,6 +98,19 @@ def test_an_offset_is_found_by_the_guides_of_the_frames() -> None:
     assert "offset (" in describe_findings(findings._asdict())
 
 
+@pytest.mark.parametrize("factor", [1, 4])
+def test_guides_may_have_an_exposure_each(factor: int) -> None:
+    """Guides of both frames that show an exposure each leave their light out of the result, clipped or not."""
+    first, truth, last = scene((0, 60, 80))
+    gains = {0.8: first, 1.15: truth, 1.4: last}
+    of_first, guide, of_last = (
+        np.rint((small(each, factor) * np.float32(gain)).clip(0, 255)).astype(np.uint8) for gain, each in gains.items()
+    )
+    made = guided(first, last, guide, of_first, of_last)
+    assert decibels(truth, made) > 33
+    assert abs(np.mean(made - truth.astype(float))) < 0.5
+
+
 def test_what_no_frame_shows_comes_from_the_guide() -> None:
     """Something that is in neither frame is in the result as the guide shows it."""
     first, truth, last = scene((0, 40, 80))
