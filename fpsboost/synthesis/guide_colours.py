@@ -6,7 +6,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from fpsboost.colour import STEEPNESS, exposure_of, has_alpha, normalised, premultiplied
+from fpsboost.colour import STEEPNESS, displayed_colours, exposure_of, has_alpha, normalised, premultiplied
 from fpsboost.image import Image, as_image, view
 from fpsboost.layered import FrameImage, LayeredImage
 
@@ -35,9 +35,10 @@ class Colours:
     @classmethod
     def of(cls, image0: FrameImage, image1: FrameImage) -> Self:
         """Return the scale of two frames, which is that of both and of everything between them."""
-        if not isinstance(image0, LayeredImage) or not isinstance(image1, LayeredImage):
+        if not isinstance(image0, LayeredImage):
             return cls()
-        return cls(exposure_of(np.hstack([_colours_of(normalised(each.colour)).ravel() for each in (image0, image1)])))
+        lights = [_colours_of(normalised(view(each).array())).ravel() for each in (image0, image1)]
+        return cls(exposure_of(np.hstack(lights)))
 
     def values(self, image: FrameImage) -> Image:
         """Return the numbers that are mixed, (H, W, C) float32: to `WHITE` or by exposure, alpha premultiplied."""
@@ -52,7 +53,9 @@ class Colours:
         return colours if self.exposure is None else self.of_light(colours.clip(0, MAX_LIGHT))
 
     def levels_of(self, image: FrameImage) -> np.ndarray:
-        """Return an image as it is compared, (H, W, 3) float32."""
+        """Return an image as it is compared, (H, W, 3) float32: light among code values as a screen shows it."""
+        if self.exposure is None and isinstance(image, LayeredImage):
+            image = displayed_colours(image.colour)
         return self.levels(self.values(image))
 
     def light(self, levels: np.ndarray) -> np.ndarray:

@@ -50,8 +50,9 @@ AROUND = 9
 UNSURE_SHARE = 0.15
 """Share of the usual error by which an error may be more or less than it seems."""
 
-AROUND_DAMAGE = np.ones((21, 21), np.uint8)
-"""Area around damage in which the repair that is made without a guide is trusted, pixels."""
+NEARBY = np.ones((21, 21), np.uint8)
+"""Area around damage in which the repair that is made without a guide is trusted, and in which light of the frames
+limits that of the guide, pixels."""
 
 OWN_WEIGHT = 2.0
 """Weight of the frame that is made without a guide as a multiple of that of the others, if guides have no error."""
@@ -199,6 +200,8 @@ class GuidedPair:
         x, y = known.rendition.offset
         findings = GuideFindings(known.noise, -x, -y, self.is_other, float(agreement.mean()))
         values = fused.values if self.is_damaged else self.colours.shifted(fused.values, frame.difference(fused))
+        if self.colours.exposure is not None:  # fireflies of path tracers
+            values = np.minimum(values, cv2.dilate(np.maximum.reduce([fused.values, *self.keys]), NEARBY))
         colours = self.colours.image(values, *self.images, t)
         layered = [each for each in (*self.images, made.image) if isinstance(each, LayeredImage)]
         image = LayeredImage(colours, mixed_layers(fused, layered)) if layered else colours
@@ -304,7 +307,7 @@ class GuidedFrame:
         best = np.minimum.reduce([each.error for each in candidates])
         trust = np.ones_like(best)
         if self.pair.is_damaged:  # what no frame explains is damage, and so is what lies around
-            trust = np.exp(cv2.dilate(best, AROUND_DAMAGE) * (-0.5 / UNSURE**2))
+            trust = np.exp(cv2.dilate(best, NEARBY) * (-0.5 / UNSURE**2))
         expected = [self._expected(each) * (trust if each.flow is None else 1) + unsure for each in candidates]
         least = np.minimum.reduce(expected)
         own_weight = OWN_WEIGHT * (1 + usual / DOUBLING_ERROR)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from fpsboost import FrameCache, find_method
+from fpsboost.colour import srgb_encoded
+from fpsboost.image import view
 from fpsboost.layered import FrameImage, Layer, LayeredImage
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.guide_calibration import Rendition, calibrate
@@ -165,6 +167,38 @@ def test_sums_of_linear_layers_stay_sums() -> None:
     np.testing.assert_allclose(planes["A.R"] * 3, planes["B.R"], atol=1e-5)
     assert set(np.unique(planes["Id.X"])) <= {3, 7}
     assert np.abs(image.colour - truth.colour).mean() < 0.02
+
+
+def light(frame: np.ndarray) -> np.ndarray:
+    """Return light of which a screen clips the brightest."""
+    return np.asarray(2 ** (frame.astype(np.float32) / 32 - 7))
+
+
+def on_a_screen(colours: np.ndarray) -> np.ndarray:
+    return np.rint(255 * srgb_encoded(colours)).astype(np.uint8)
+
+
+def test_light_guides_code_values() -> None:
+    """Light of which a screen clips the brightest guides frames as the screen shows it."""
+    lights = [light(each) for each in scene((0, 60, 80))]
+    first, truth, last = map(on_a_screen, lights)
+    guides = [LayeredImage(small(lights[1]), ()), on_a_screen(small(lights[1]))]
+    made = InterpolatedImage(without_guide(first, last))
+    results = [decibels(truth, view(follow((first, last), made, [each])[0].image).array()) for each in guides]
+    assert results[0] == pytest.approx(results[1], abs=1)
+    assert results[0] > decibels(truth, view(made.image).array()) + 3
+
+
+def test_fireflies_of_a_guide_are_no_brighter_than_what_is_nearby() -> None:
+    """Light of single pixels that a path tracer has caught is not in the result."""
+    first, truth, last = map(light, scene((0, 60, 80)))
+    guide = truth.copy()
+    guide[::16, ::16] *= 1000
+    made = InterpolatedImage(LayeredImage((first + last) / 2, ()))
+    frames = LayeredImage(first, ()), LayeredImage(last, ())
+    result = follow(frames, made, [LayeredImage(guide, ())])[0].image
+    assert isinstance(result, LayeredImage)
+    assert result.colour.max() <= max(first.max(), last.max()) * 1.01
 
 
 def test_confidence_is_given_where_it_was_asked_for() -> None:
