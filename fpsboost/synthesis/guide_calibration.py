@@ -191,12 +191,11 @@ def calibrate(
 
 def _with_offset(rendition: Rendition, shown: Callable[[Rendition], np.ndarray], known: np.ndarray) -> Rendition:
     """Return the rendition with the offset of guides (Evangelidis and Psarakis 2008)."""
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
     for _ in range(OFFSET_ROUNDS):
         shift = np.eye(2, 3, dtype=np.float32)
         gray, gray_known = (cv2.cvtColor(each, cv2.COLOR_BGR2GRAY) for each in (shown(rendition), known))
         try:
-            cv2.findTransformECC(gray, gray_known, shift, cv2.MOTION_TRANSLATION, stop)
+            cv2.findTransformECC(gray, gray_known, shift, cv2.MOTION_TRANSLATION)
         except cv2.error:  # nothing to see
             break
         # the guide shows at x + shift what the frames do at x

@@ -343,7 +343,7 @@ class GuidedFrame:
         difference = self.guide - shown
         # without usual differences, only the better part of these can be judged
         off = np.quantile(np.abs(difference), 0.5) if usual is None else np.abs(usual[0]).mean()
-        if rendition.is_small and off < EXACT and not self.pair.is_other:
+        if rendition.is_small and off < EXACT and not (self.pair.is_other or self.pair.are_exposed):
             return exact_difference(fused.values, self.guide, np.maximum(fused.error - FLOOR**2, 0), rendition)
         return rendition.raised(excess_difference(difference, shown, usual), cv2.INTER_CUBIC)
 
