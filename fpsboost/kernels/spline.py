@@ -1,7 +1,9 @@
-"""Cubic B-spline interpolation: coefficients computed once per frame, four weights per sample along each axis.
+"""Cubic spline interpolation: coefficients computed once per frame, four weights per sample along each axis.
 
 Samples of an interpolating cubic spline are as sharp as those of a windowed sinc with eight taps, from a kernel of four
-taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220).
+taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220). The kernel is
+that of O-MOMS (Blu, Thevenaz, Unser 2001, doi:10.1109/83.931101), the cubic B-spline with a share of its second
+derivative, which is sharper still; ``spline_samples.h`` says when it is sharpened.
 """
 
 import math
@@ -12,7 +14,7 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 
-POLE = math.sqrt(3) - 2
+POLE = (math.sqrt(105) - 13) / 8
 """Pole of the recursive prefilter: its impulse response decays by this factor per pixel."""
 
 
@@ -26,7 +28,7 @@ def find_coefficients(
     ],
     scratch: Scratch = None,
 ) -> None:
-    """Compute the B-spline coefficients of planes, whose edges are repeated.
+    """Compute the spline coefficients of planes, whose edges are repeated.
 
     - `unit`: factor on every value
     - `weights`: by `filter_weights`
@@ -44,7 +46,7 @@ def filter_weights(precision: float) -> np.ndarray:
     samples, as a share of the largest difference between two of them.
     """
     # the first filter that is left out would add up to twice its power of the pole, at both ends and along both axes
-    stages = math.ceil(math.log2(math.log(precision / 4) / math.log(-POLE)))
+    stages = math.ceil(math.log2(math.log(precision / 4, -POLE)))
     powers = [POLE ** (1 << k) for k in range(stages)]
     return np.array([power / (1 + power * power) for power in powers], np.float32)
 

@@ -95,9 +95,9 @@ inline void fetch_luma(int frame, Int top, Int left, const Motion &motion, float
   const float time = context.times[frame];
   const Position position = locate_luma(top, left, time, motion, t, context);
   if (motion.is_rigid())
-    filter_rigid(luma.data, luma.shape[1], position, BLOCKS_2X2_PER_ROW, BLOCKS_2X2_PER_ROW, out);
+    filter_rigid(luma.data, luma.shape[1], position, 0, BLOCKS_2X2_PER_ROW, BLOCKS_2X2_PER_ROW, out);
   else
-    filter_blocks(luma.data, luma.shape[0], luma.shape[1], position, time - t, motion, BLOCKS_2X2_PER_ROW,
+    filter_blocks(luma.data, luma.shape[0], luma.shape[1], position, time - t, 0, motion, BLOCKS_2X2_PER_ROW,
                   BLOCKS_2X2_PER_ROW, out);
 }
 

@@ -15,7 +15,7 @@ float compare_luma(Int top, Int left, const Motion &motion, float t, const PairC
     const float time = float(n);
     const View<const float, 2> luma(context.luma[1 + n]);
     const Position position = locate_luma(top, left, time, motion, t, context);
-    filter_blocks(luma.data, luma.shape[0], luma.shape[1], position, time - t, motion, SIDE, SIDE, samples[n]);
+    filter_blocks(luma.data, luma.shape[0], luma.shape[1], position, time - t, 0, motion, SIDE, SIDE, samples[n]);
   }
   for (int i = 0; i < AREA; i += 16) {
     const F16 difference = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));

@@ -1,4 +1,4 @@
-// Cubic B-splines: the coefficients of planes, and both frames mixed in time along the motion of every pixel.
+// Cubic splines: the coefficients of planes, and both frames mixed in time along the motion of every pixel.
 #include "scratch.h"
 #include "spline_samples.h"
 
@@ -98,11 +98,11 @@ template <typename T> Int filter_planes(const FindCoefficients &args) {
 
 // Where the motion of a pixel ends; beyond the frame, edges are repeated.
 FORCE_INLINE const float *find_end(const View<const float, 3> &coefficients, const View<const float, 3> &motion, Int i,
-                                   Int j, Taps &taps) {
+                                   Int j, float t, Taps &taps) {
   const float height = float(motion.shape[0]), width = float(motion.shape[1]);
   const float y = clamp(float(i) + motion(i, j, 1), -1.0f, height) + float(MARGIN);
   const float x = clamp(float(j) + motion(i, j, 0), -1.0f, width) + float(MARGIN);
-  return find_taps(coefficients.data, coefficients.shape[2], y, x, taps);
+  return find_taps(coefficients.data, coefficients.shape[2], y, x, sharpening_at(t), taps);
 }
 
 FORCE_INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, const float *from,
@@ -132,8 +132,8 @@ KERNEL(void, mix_along, const MixAlong &args) {
       const bool seen0 = visible0(i, j), seen1 = visible1(i, j);
       const float share = seen0 == seen1 ? t : float(seen1);
       Taps taps0, taps1;
-      const float *from0 = find_end(coefficients0, motion0, i, j, taps0);
-      const float *from1 = find_end(coefficients1, motion1, i, j, taps1);
+      const float *from0 = find_end(coefficients0, motion0, i, j, t, taps0);
+      const float *from1 = find_end(coefficients1, motion1, i, j, t, taps1);
       float distance = 0;
       for (Int c = 0; c < mixed.shape[0]; c++) {
         const float value = sample_spline(coefficients0, c, from0, taps0);

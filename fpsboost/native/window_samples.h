@@ -177,8 +177,8 @@ inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
     const float *from[2];
     for (int n = 0; n < 2; n++) {
       const Position position = place.in_frame[n];
-      from[n] =
-          find_taps(layer.coefficients[n].ptr(c), layer.coefficients[n].shape[2], position.y, position.x, taps[n]);
+      from[n] = find_taps(layer.coefficients[n].ptr(c), layer.coefficients[n].shape[2], position.y, position.x,
+                          sharpening_at(t), taps[n]);
     }
     for (Int i = 0; i < layer.wide; i += lane_count<Wide>) {
       const float *const columns[2] = {from[0] + i, from[1] + i};
@@ -199,7 +199,7 @@ inline void mix_blocks(LayerSamples &layer, const WindowPlace &place, const Moti
           const View<const float, 3> &plane = layer.coefficients[n];
           const Position position = locate_block(place.in_frame[n], n == 0 ? -t : 1 - t, motion, down, across,
                                                  layer.tall, layer.wide, plane.shape[1], plane.shape[2]);
-          from[n] = find_taps(plane.ptr(c), plane.shape[2], position.y, position.x, taps[n]);
+          from[n] = find_taps(plane.ptr(c), plane.shape[2], position.y, position.x, sharpening_at(t), taps[n]);
         }
         const Int first = down * layer.wide + across, in_plane = c * layer.size + first;
         mix_columns<F8>(layer, from, taps, BLOCK, t, layer.mixed + in_plane, layer.change + in_plane,
@@ -209,22 +209,23 @@ inline void mix_blocks(LayerSamples &layer, const WindowPlace &place, const Moti
 
 // Samples a window in blocks from a plane of `rows` x `stride` coefficients.
 inline void filter_blocks(const float *coefficients, Int rows, Int stride, Position window, float share,
-                          const Motion &motion, Int wide, Int tall, float *out) {
+                          float sharpening, const Motion &motion, Int wide, Int tall, float *out) {
   for (Int down = 0; down < tall; down += BLOCK)
     for (Int across = 0; across < wide; across += BLOCK) {
       const Position position = locate_block(window, share, motion, down, across, tall, wide, rows, stride);
       alignas(64) float filtered[(BLOCK + TAPS - 1) * BLOCK];
       Taps taps;
-      const float *from = find_taps(coefficients, stride, position.y, position.x, taps);
+      const float *from = find_taps(coefficients, stride, position.y, position.x, sharpening, taps);
       filter_rows<F8>(from, stride, taps, BLOCK, BLOCK, filtered, out + down * wide + across, wide);
     }
 }
 
 // Samples a window that moves as a whole.
-inline void filter_rigid(const float *coefficients, Int stride, Position window, Int wide, Int tall, float *out) {
+inline void filter_rigid(const float *coefficients, Int stride, Position window, float sharpening, Int wide, Int tall,
+                         float *out) {
   alignas(64) float filtered[(WINDOW + TAPS - 1) * WINDOW];
   Taps taps;
-  const float *from = find_taps(coefficients, stride, window.y, window.x, taps);
+  const float *from = find_taps(coefficients, stride, window.y, window.x, sharpening, taps);
   filter_rows<F16>(from, stride, taps, wide, tall, filtered, out, wide);
 }
 
@@ -247,12 +248,14 @@ FORCE_INLINE bool is_whole(Position position) {
   return position.y == float(Int(position.y)) && position.x == float(Int(position.x));
 }
 
-inline void fetch_window(const LayerSamples &layer, int n, Int c, Position position, float share, const Motion &motion,
+inline void fetch_window(const LayerSamples &layer, int n, Int c, Position position, float t, const Motion &motion,
                          float *out) {
   const View<const float, 3> &plane = layer.coefficients[n];
   const Int wide = layer.wide, tall = layer.tall;
+  const float sharpening = sharpening_at(t);
   if (!motion.is_rigid()) {
-    filter_blocks(plane.ptr(c), plane.shape[1], plane.shape[2], position, share, motion, wide, tall, out);
+    filter_blocks(plane.ptr(c), plane.shape[1], plane.shape[2], position, float(n) - t, sharpening, motion, wide, tall,
+                  out);
   } else if (is_whole(position)) {
     const ArrayOf<const Any, 3> &planes = layer.planes[n];
     with_pixel_type(planes.kind, [&](auto pixel) {
@@ -260,7 +263,7 @@ inline void fetch_window(const LayerSamples &layer, int n, Int c, Position posit
                                    tall, out);
     });
   } else {
-    filter_rigid(plane.ptr(c), plane.shape[2], position, wide, tall, out);
+    filter_rigid(plane.ptr(c), plane.shape[2], position, sharpening, wide, tall, out);
   }
 }
 
@@ -289,8 +292,8 @@ inline void mix_fetched(LayerSamples &layer, const WindowPlace &place, const Ins
   alignas(64) float first[WINDOW * WINDOW], second[WINDOW * WINDOW];
   for (Int c = 0; c < layer.channels; c++) {
     float *mixed = layer.mixed + c * layer.size, *change = layer.change + c * layer.size;
-    fetch_window(layer, 0, c, place.in_frame[0], -t, motion, first);
-    fetch_window(layer, 1, c, place.in_frame[1], 1 - t, motion, second);
+    fetch_window(layer, 0, c, place.in_frame[0], t, motion, first);
+    fetch_window(layer, 1, c, place.in_frame[1], t, motion, second);
     for (Int i = 0; i < layer.size; i += 16) {
       const F16 from = load<F16>(first + i), difference = load<F16>(second + i) - from;
       store(layer.distance + i, fma(difference, difference, load<F16>(layer.distance + i)));

@@ -32,8 +32,8 @@ across a surface differs by less, that of something in front of it by more."""
 
 NEAR = np.ones((3, 3), np.uint8)
 """Neighbourhood whose values limit that of a pixel, 3 x 3."""
-RINGING = np.ones((17, 17), np.uint8)
-"""Area to which a spline rings, 17 x 17."""
+RINGING = np.ones((21, 21), np.uint8)
+"""Area to which a spline rings, 21 x 21."""
 
 ONE_SURFACE = 0.1
 """Largest difference between two distances on one surface, as a share of the smaller."""

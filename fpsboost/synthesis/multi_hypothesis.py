@@ -139,7 +139,8 @@ class MultiHypothesis(Checked):
     Transactions on Image Processing 1994, doi:10.1109/83.334974: windows that overlap.
 
     M. Unser, A. Aldroubi and M. Eden, B-Spline Signal Processing, IEEE Transactions on Signal Processing 1993,
-    doi:10.1109/78.193220: the samples between pixels.
+    doi:10.1109/78.193220, and T. Blu, P. Thevenaz and M. Unser, MOMS: Maximal-Order Interpolation of Minimal Support,
+    IEEE Transactions on Image Processing 2001, doi:10.1109/83.931101: the samples between pixels.
 
     Examples
     --------

@@ -19,13 +19,13 @@ def spline_samples(image: Pixels) -> tuple[Samples, Samples]:
 
 
 def _with_coefficients(planes: np.ndarray, unit: np.float32, bits: int) -> Samples:
-    """Return planes with their cubic B-spline coefficients, computed to a few times finer than the image's `bits`."""
+    """Return planes with their spline coefficients, computed to a quarter of a level of the image's `bits`."""
     planes = np.ascontiguousarray(planes)
     channels, height, width = planes.shape
     if not channels:
         return Samples(planes, np.empty(planes.shape, np.float32), 1.0)
     coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 3)), coefficients)
+    find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 2)), coefficients)
     return Samples(planes, coefficients, unit)
 
 

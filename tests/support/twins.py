@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage  # which scikit-image needs
 
 Array = NDArray[Any]
 
@@ -233,15 +232,24 @@ def landed(flow: Array, similarity: Array, least: float, t: float) -> tuple[Arra
     return source0, source1
 
 
-def bspline(distance: Any) -> Any:
-    """The cubic B-spline, of a number or of an array."""
-    x = np.abs(distance)
-    return np.where(x < 1, 2 / 3 - x * x + x**3 / 2, np.maximum(2 - x, 0) ** 3 / 6)
+def kernel(distance: Any, sharpening: float = 0) -> Any:
+    """The kernel of cubic splines: a B-spline and 1/42 of its second derivative, less of it where it is sharpened."""
+    x, fraction = np.abs(distance), distance % 1
+    cubic = np.where(x < 1, 2 / 3 - x * x + x**3 / 2, np.maximum(2 - x, 0) ** 3 / 6)
+    near, middle, far = (np.maximum(1 - np.abs(x - at), 0) for at in (-1, 0, 1))
+    return cubic + (1 - sharpening * 4 * fraction * (1 - fraction)) / 42 * (near - 2 * middle + far)
+
+
+def sharpening_at(t: float) -> float:
+    """How much what is mixed at time t is sharpened: two thirds in the middle."""
+    return 2 / 3 * 4 * t * (1 - t)
 
 
 def spline_coefficients(plane: Array, beyond: int) -> Array:
     """The coefficients whose spline meets every sample, of the plane padded by its edges, `beyond` pixels wide."""
-    return ndimage.spline_filter(np.pad(plane.astype(float), beyond, "edge"), mode="mirror")
+    padded = np.pad(plane.astype(float), beyond, "edge")
+    down, across = (kernel(np.subtract.outer(np.arange(side), np.arange(side))) for side in padded.shape)
+    return np.linalg.solve(across, np.linalg.solve(down, padded).T).T
 
 
 def seen_by_both(place: float, motion: float, t: float, length: int) -> float:
@@ -534,16 +542,18 @@ def _along(
         inside.append(np.outer((rows >= 0) & (rows <= height - 1), (columns >= 0) & (columns <= width - 1)))
         # a corner further out than this sees nothing but the repeated edge
         place = min(max(y, -38), height + 2) / down, min(max(x, -38), width + 2) / across
-        windows.append(spline_window(plane, BEYOND, *place, (32 // down, 32 // across)))
+        windows.append(spline_window(plane, BEYOND, *place, (32 // down, 32 // across), sharpening_at(t)))
     share = np.where(inside[0] == inside[1], t, inside[1])
     apart = ((windows[1] - windows[0]) ** 2).reshape(16, 2 // down, 16, 2 // across).mean(axis=(1, 3))
     return (1 - share) * windows[0] + share * windows[1], apart
 
 
-def spline_window(coefficients: Array, beyond: int, y: float, x: float, size: tuple[int, int] = (32, 32)) -> Array:
+def spline_window(
+    coefficients: Array, beyond: int, y: float, x: float, size: tuple[int, int] = (32, 32), sharpening: float = 0
+) -> Array:
     """The spline at places a sample apart, the first at (y, x): the sum over all coefficients."""
     down, across = (
-        bspline(np.subtract.outer(start + beyond + np.arange(side), np.arange(length)))
+        kernel(np.subtract.outer(start + beyond + np.arange(side), np.arange(length)), sharpening)
         for start, length, side in zip((y, x), coefficients.shape, size, strict=True)
     )
     return down @ coefficients @ across.T

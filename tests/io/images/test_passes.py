@@ -241,7 +241,7 @@ def test_every_layer_comes_back(folder, tmp_path, method, several):
         assert {str(plane.dtype) for plane in planes.values()} == {"float16", "float32", "uint32"}
         assert set(np.unique(planes["ViewLayer.ids.id"])) == {1, 2}
         composed = planes["ViewLayer.Diffuse.Y"].astype(np.float32) + planes["ViewLayer.Glow.Y"]
-        np.testing.assert_allclose(planes["ViewLayer.Combined.Y"], composed, rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(planes["ViewLayer.Combined.Y"], composed, rtol=2e-3, atol=2e-3)
     assert not any("left out" in remark for remark in summary.remarks)
 
 
