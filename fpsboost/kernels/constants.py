@@ -81,3 +81,12 @@ STATIC_CONTRAST = 2
 MOVING_SHARE = 0.8
 """Share of the pixels that would be an overlay, in a block and those around it, above which they are none if they
 follow the motion of their own points. Around letters, a part of them does by chance."""
+
+FRACTIONS = 64
+"""Positions within a pixel, along an axis, at which pictures are sampled along smooth motion: a power of two."""
+
+BINS = 6
+"""Bins of the power of detail, in each of which the usual power of a difference is known."""
+
+BANDS = 6
+"""Largest number of bands into which a difference from a guide is split."""

@@ -1,7 +1,7 @@
-"""Search of one level of the pyramid in both directions: compare the proposed motions, and choose among them.
+"""Search of one level of the pyramid in one or both directions: compare the proposed motions, and choose among them.
 
-`search_level` does both in one kernel, as Python would take as long as the kernel between its steps where levels are
-small.
+`search_level` does both steps in one kernel, as Python would take as long as the kernel between its steps where levels
+are small.
 
 Neighbouring points mostly propose the same few offsets. For each tile, the distinct proposals in and around the tile
 and their neighbours are therefore collected once, and the similarity of each of them is computed over the whole tile
@@ -83,10 +83,10 @@ class LevelSettings(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Motion in both directions at points `step` pixels apart, the first at step / 2."""
+    """Motion in both directions, or from frame 0 alone, at points `step` pixels apart, the first at step / 2."""
 
-    flow: Annotated[Array, "out float32 (2, rows == -(-height // step), columns == -(-width // step), 2)"]
-    similarity: Annotated[Array, "out float32 (2, rows, columns)"]
+    flow: Annotated[Array, "out float32 (directions <= 2, rows == -(-height // step), columns == -(-width // step), 2)"]
+    similarity: Annotated[Array, "out float32 (directions, rows, columns)"]
 
 
 @compiled
@@ -122,9 +122,9 @@ def search_level(
     points: Points,
     scratch: Scratch = None,
 ) -> None:
-    """Find the motion of points in both directions, in whole pixels, around the motion that a coarser level proposes.
+    """Find the motion of points in whole pixels, around the motion that a coarser level proposes.
 
-    The pair is as for `search_tiles`; the points are written.
+    The pair is as for `search_tiles`; the points are written: their motion in both directions, or in the first alone.
     """
 
 

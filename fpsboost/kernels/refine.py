@@ -15,9 +15,9 @@ def refine_bidirectional(
     largest: Float,
     steps: int,
     refined: Annotated[Array, "float32 (2, down, across, 2) or empty"],
-    flow: Annotated[Array, "out float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
+    flow: Annotated[Array, "out float32 (directions <= 2, down == -(-height // step), across == -(-width // step), 2)"],
 ) -> None:
-    """Refine the vector of every point of both frames by least-squares steps on its window.
+    """Refine the vector of every point of both frames, or of frame 0 alone, by least-squares steps on its window.
 
     A vector is moved to minimise the difference of the two frames in the window. Each pixel of the window is weighted
     by its similarity, as in the search, so that another object in it has no influence.
@@ -30,5 +30,5 @@ def refine_bidirectional(
     - `steps`: maximum number of steps: a vector whose rounded value changes is rounded and refined again
     - `refined`: vectors that were refined before, or none of any frame; a vector that rounds to the same whole pixels
       takes that value
-    - `flow`: motion in both directions, rounded to whole pixels at first; updated in place
+    - `flow`: motion in both directions, or in the first alone, rounded to whole pixels at first; updated in place
     """

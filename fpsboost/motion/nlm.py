@@ -15,6 +15,7 @@ smoothness cost towards its neighbours on the next level.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
@@ -138,12 +139,28 @@ class CoarseToFine(Checked):
         Vectors are in fractions of a pixel. Similarities are those of the whole-pixel vectors of the finest level,
         clipped to [0, 1].
         """
+        *_, (field01, field10) = self._search_levels(image0, image1, 2)
+        return field01, field10
+
+    def estimate_onward(self, image0: FrameCache, image1: FrameCache) -> list[MotionField]:
+        """Estimate the motion from image 0 to image 1 alone, on each level of the pyramid, the coarsest first.
+
+        The last is the first field of `estimate`. It takes less time, as the last level is searched in one direction.
+        """
+        return [fields[0] for fields in self._search_levels(image0, image1, 1)]
+
+    def _search_levels(
+        self, image0: FrameCache, image1: FrameCache, directions: int
+    ) -> Iterator[tuple[MotionField, ...]]:
+        """Yield the motion of each level, the coarsest first, in both directions or, on the last one, in the first."""
         check_pair(image0.pixels, image1.pixels)
         levels0, levels1 = (image.cached_for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
         pair = self._plane_pair(levels0[-1], levels1[-1])
         found = self._search_coarsest(levels0[-1], levels1[-1], pair)
         step = COARSEST_STEP
+        size = image0.pixels.shape[:2]
+        yield _fields(found, step, len(levels0) - 1, size)
         for level in range(len(levels0) - 2, last - 1, -1):
             looks = len(levels0) - 2 - level
             flow = found.flow
@@ -162,15 +179,9 @@ class CoarseToFine(Checked):
             # grows from there on, and on the finest, because no further level corrects it
             refine_radius = int(level in (last, len(levels0) - 2))
             row_step = 2 if level == last and step % 4 == 0 else 1
-            found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step)
-        size = image0.pixels.shape[:2]
-        scale = 2**last
-        vectors = found.flow * np.float32(scale)
-        similarities = found.similarity.clip(0, 1)
-        field01, field10 = (
-            MotionField(*each, None, step * scale, size) for each in zip(vectors, similarities, strict=True)
-        )
-        return field01, field10
+            searched = directions if level == last else 2
+            found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step, searched)
+            yield _fields(found, step, level, size)
 
     def _search_coarsest(self, image0: FrameCache, image1: FrameCache, pair: PlanePair) -> Points:
         """Search for every offset at every pixel, then let all points of a tile compare the offsets found in it."""
@@ -189,8 +200,9 @@ class CoarseToFine(Checked):
         step: int,
         refine_radius: int,
         row_step: int,
+        directions: int = 2,
     ) -> Points:
-        """Search one level in both directions, and refine the vectors to a fraction of a pixel.
+        """Search one level in both directions, or in the first one, and refine the vectors to a fraction of a pixel.
 
         `scale` is the size of this level relative to the coarser one that `coarse` is the motion of, `spacing` the
         distance of that motion's points in pixels of this level, and `step` the distance of the points whose motion is
@@ -208,7 +220,7 @@ class CoarseToFine(Checked):
             self.smoothness,
             self.smoothness / (self.steepness * step),
         )
-        shape = 2, -(-pair.height // step), -(-pair.width // step)
+        shape = directions, -(-pair.height // step), -(-pair.width // step)
         found = Points(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
         search_level(pair, coarse, settings, found)
         self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, step)
@@ -252,6 +264,14 @@ class CoarseToFine(Checked):
     def _max_offset(self, pair: PlanePair) -> int:
         """Return the largest offset that is compared on a level, pixels; one more than the motion, for its fraction."""
         return math.ceil(self.max_motion_share * max(pair.height, pair.width)) + 1
+
+
+def _fields(found: Points, step: int, level: int, size: tuple[int, int]) -> tuple[MotionField, ...]:
+    """Return what was found on a level as motion of the image, whose size is given."""
+    scale = 2**level
+    vectors = found.flow * np.float32(scale)
+    similarities = found.similarity.clip(0, 1)
+    return tuple(MotionField(*each, None, step * scale, size) for each in zip(vectors, similarities, strict=True))
 
 
 def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:

@@ -1,4 +1,5 @@
-// Search of one level of the pyramid in both directions: compare what a coarser level proposes, and choose among it.
+// Search of one level of the pyramid in one or both directions: compare what a coarser level proposes, and choose among
+// it.
 #include "semi_global.h"
 #include "tiles.h"
 
@@ -63,7 +64,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
   const Lattice lattice(nodes, labels, costs, scratch);
   if (scratch.is_counting()) return scratch.size();
   Frames<uint8_t> frames(args.pair);
-  for (int direction = 0; direction < 2; direction++) {
+  for (Int direction = 0; direction < flow.shape[0]; direction++) {
     whole_pixels(proposed.ptr(direction), down * across, args.settings.scale, whole_proposed);
     whole_pixels(expected.ptr(direction), down * across, args.settings.scale, whole_expected);
     search_tiles(frames, {whole_proposed, whole_expected, down, across, spacing}, tiles, lists, work);

@@ -139,5 +139,5 @@ KERNEL(void, refine_bidirectional, const RefineBidirectional &args) {
   const View<float, 4> flow(args.flow);
   const Frames<uint8_t> frames(args.pair);
   refine_points(frames, args, refined[0], flow[0]);
-  refine_points(frames.opposite(), args, refined[1], flow[1]);
+  if (flow.shape[0] > 1) refine_points(frames.opposite(), args, refined[1], flow[1]);
 }

@@ -1,28 +1,26 @@
 """Candidates of which a guided frame is mixed, and the further layers of one, which have the weights of its picture."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
+from fpsboost.kernels.smooth_motion import SmoothMotion, sample_along
 from fpsboost.layered import Layer, LayeredImage
-from fpsboost.synthesis.agreement import sample
+from fpsboost.synthesis.guide_calibration import Rendition
 
 
 class Candidate(NamedTuple):
     """Picture of which a guided frame is mixed."""
 
-    values: np.ndarray
-    """(H, W, C); see `Colours.values`."""
-    error: np.ndarray
-    """Squared difference from the guide around each pixel of it, square levels."""
     source: int
     """0 or 1 for a frame, 2 for the frame that is made without a guide."""
-    flow: np.ndarray | None
-    """Motion from each pixel to its source, (H, W, 2) float32; None if there is none."""
-    warped_guide: np.ndarray | None = None
+    motion: SmoothMotion | None
+    """Motion to its source; None if there is none."""
+    error: np.ndarray
+    """Squared difference from the guide around each pixel of it, square levels."""
+    warped_guide: np.ndarray | None
     """The guide of its frame along the same motion, levels, if light or shading is another one."""
 
 
@@ -30,37 +28,35 @@ class Fused(NamedTuple):
     """Mean of candidates."""
 
     values: np.ndarray
-    """(H, W, C) float32."""
+    """(H, W, C) float32; see `Colours.values`."""
     error: np.ndarray
     """Squared difference of the best candidate from the guide around each pixel of it, square levels."""
     candidates: list[Candidate]
-    weights: list[np.ndarray]
-    """Weight of each at every pixel of the frame, (H, W) float32; their sum is not 1."""
+    shares: np.ndarray
+    """Weight of each at every pixel of the guide, (count, h, w); their sum is not 1."""
+    mix: Callable[[Sequence[np.ndarray]], np.ndarray]
+    """Function that returns the mean of the candidates, with these weights, for other values of their sources."""
 
 
-def mixed_layers(fused: Fused, images: Sequence[LayeredImage]) -> tuple[Layer, ...]:
+def mixed_layers(fused: Fused, rendition: Rendition, images: Sequence[LayeredImage]) -> tuple[Layer, ...]:
     """Return further layers with the weights of the picture: linear ones mixed, the others from the best candidate.
 
     Nothing of the guide is added to them.
     """
     planes = [image.planes() for image in images]
-    best = np.argmax(fused.weights, axis=0)
-    total = np.sum(fused.weights, axis=0)
+    best = np.argmax([rendition.raised(share) for share in fused.shares], axis=0)
+    pixels = np.ascontiguousarray(np.moveaxis(np.indices(best.shape, np.float32), 0, 2))
+    ends = [np.rint(sampled(pixels, each.motion)).astype(np.intp) for each in fused.candidates]
 
     def mixed(name: str) -> np.ndarray:
-        weighted = (
-            weight * _along(planes[one.source][name].astype(np.float32), one.flow, cv2.INTER_LINEAR)
-            for one, weight in zip(fused.candidates, fused.weights, strict=True)
-        )
-        return np.asarray(sum(weighted) / total)
+        return fused.mix([each[name].astype(np.float32)[..., np.newaxis] for each in planes])[..., 0]
 
     def chosen(name: str) -> np.ndarray:
-        kind = planes[0][name].dtype
-        bits = [
-            _along(planes[one.source][name].view(f"i{kind.itemsize}"), one.flow, cv2.INTER_NEAREST)
-            for one in fused.candidates
+        found = [
+            planes[each.source][name][end[..., 0], end[..., 1]]
+            for each, end in zip(fused.candidates, ends, strict=True)
         ]
-        return np.asarray(np.choose(best, bits)).view(kind)
+        return np.asarray(np.choose(best, found))
 
     layers = []
     for layer in images[0].layers:
@@ -70,5 +66,10 @@ def mixed_layers(fused: Fused, images: Sequence[LayeredImage]) -> tuple[Layer, .
     return tuple(layers)
 
 
-def _along(plane: np.ndarray, flow: np.ndarray | None, interpolation: int) -> np.ndarray:
-    return plane if flow is None else sample(plane, flow, interpolation)
+def sampled(picture: np.ndarray, motion: SmoothMotion | None) -> np.ndarray:
+    """Return a picture along a motion; itself without one."""
+    if motion is None:
+        return picture
+    found = np.empty_like(picture)
+    sample_along(picture, motion, found)
+    return found

@@ -15,22 +15,25 @@ Li, Li and Fu (2017) have the idea, as modified non-local means for the super-re
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import cached_property, partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from fpsboost.frame_cache import FrameCache
+from fpsboost.kernels.guided import measure_error, weigh
+from fpsboost.kernels.smooth_motion import SmoothMotion, add_along
 from fpsboost.layered import FrameImage, LayeredImage
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.synthesis import InterpolatedImage
-from fpsboost.synthesis.agreement import sample
 from fpsboost.synthesis.guide_calibration import Calibration, Rendition, as_bytes, calibrate, resized, squared
 from fpsboost.synthesis.guide_colours import Colours
-from fpsboost.synthesis.guide_layers import Candidate, Fused, mixed_layers
-from fpsboost.synthesis.guide_residual import EXACT, exact_difference, excess_difference
+from fpsboost.synthesis.guide_layers import Candidate, Fused, mixed_layers, sampled
+from fpsboost.synthesis.guide_residual import EXACT, exact_difference, excess_difference, usual_power
 
 SHARPNESS = 3
 """Power of the ratio of two errors by which their weights differ."""
@@ -81,12 +84,12 @@ OTHER_ERROR = 0.5
 UNSURE = 12.0
 """Difference from the guide at which confidence is 0.6, levels."""
 
-SMALL_SEARCHES = ((2.0, CoarseToFine(step=2)), (1.0, CoarseToFine(step=2)))
-LARGE_SEARCHES = ((1.0, CoarseToFine(step=4)), (0.5, CoarseToFine(step=4)))
-"""Searches from a small guide and from one of full size, each with its size as a multiple of the guide's."""
+SECOND_SEARCH = CoarseToFine(coarsest_side=30)
+"""Search from the frame that is made at first, and between the two frames, all at half their size."""
 
-SECOND_SEARCH = CoarseToFine(finest_level=1)
-"""Search from the frame that is made at first, and between the two frames."""
+LARGE_SEARCH = 1, replace(SECOND_SEARCH, step=4)
+SMALL_SEARCH = 2, CoarseToFine(step=2)
+"""Searches from a guide of full size and from a small one, each with its size as a multiple of the guide's."""
 
 
 class GuideFindings(NamedTuple):
@@ -117,7 +120,8 @@ class GuidedPair:
         self.images = image0.image, image1.image
         self.colours = Colours.of(*self.images)
         self.keys = [self.colours.values(each) for each in self.images]
-        self.bytes = [_searched(self.colours.levels(key)) for key in self.keys]
+        self.halves = [np.atleast_3d(cv2.pyrDown(key)) for key in self.keys]
+        self.bytes = [_searched(self.colours.levels(half)) for half in self.halves]
         self.guides: list[np.ndarray] = []
         """Levels of the guides of both frames, or none."""
         self.calibration: Calibration | None = None
@@ -127,8 +131,10 @@ class GuidedPair:
         """Whether their light or shading is another one, so that only guides are comparable with guides."""
         self.is_damaged = image0.guide is image0.image
         """Whether frames guide their own repair, so that nothing is taken from them but where everything is."""
-        self.usual = self.motion_error = np.float32(0)
+        self.usual = self.motion_error = np.asarray(0, np.float32)
         """Usual squared error of guides, (h, w) or a number, and that of motion from them, square levels."""
+        self.usual_power: np.ndarray | None = None
+        """The same band by band, beside as much detail, if it is known."""
         if image0.guide is not None and image1.guide is not None:
             self.guides = [self.colours.levels_of(each) for each in (image0.guide, image1.guide)]
             rendition = self.rendition(self.guides[0])
@@ -149,30 +155,26 @@ class GuidedPair:
     def _measure(self, calibration: Calibration) -> None:
         """Measure how far the guides of the frames are from these, and how wrong motion from them is."""
         rendition = calibration.rendition
-        flows = _smooth_flows(SECOND_SEARCH, *self.bytes)
+        motions = [_smooth(each) for each in SECOND_SEARCH.estimate(*self.bytes)]
         frames = [GuidedFrame(self, guide, calibration) for guide in self.guides]
-        warped_guides = [
-            frame.warped_guide(1 - i, flow) for i, (frame, flow) in enumerate(zip(frames, flows, strict=True))
-        ]
+        warped_guides = [sampled(self.guides[1 - i], motion) for i, motion in enumerate(motions)]
         self.is_other = _are_other(calibration, np.vstack(self.guides), np.vstack(warped_guides))
+        if not self.is_other:
+            self.usual_power = usual_power(*calibration.usual, use_median=False)
+        shown = self.guides if self.is_other else [rendition.shown(key) for key in self.keys]
         errors, excess, shares = [], [], []
         for i, frame in enumerate(frames):
-            (flow,) = frame.search([frame.shown_keys[1 - i]], *frame.searches[0])
-            found = frame.along(1 - i, flow)
-            usual = (
-                np.median(found.error)
-                if self.is_other
-                else cv2.blur(frame.error(rendition.shown(self.keys[i])), (AROUND, AROUND))
-            )
+            ((*_, motion),) = frame.search([shown[1 - i]])
+            found_error = frame.candidate(1 - i, motion, self.keys).error
+            usual = np.median(found_error) if self.is_other else cv2.blur(frame.error(shown[i]), (AROUND, AROUND))
             errors.append(usual)
             # where the guide shows that motion is wrong, it is not followed
             unsure = FLOOR**2 + np.mean(usual)
-            shares.append(unsure / (found.error + unsure))
-            ordinary = sample(self.keys[1 - i], flows[i], cv2.INTER_LINEAR)
-            wrong, least = (frame.error_at_full_size(each, self.keys[i]) for each in (found.values, ordinary))
+            shares.append(unsure / (found_error + unsure))
+            wrong, least = (frame.error_at_full_size(i, each) for each in (motion, motions[i]))
             excess.append(np.maximum(wrong - least, 0))
-        self.usual = np.float32((errors[0] + errors[1]) / 2)
-        self.motion_error = np.float32(MOTION_ERROR_FACTOR * np.average(excess, weights=shares))
+        self.usual = np.asarray(np.mean(errors, axis=0), np.float32)
+        self.motion_error = np.asarray(MOTION_ERROR_FACTOR * np.average(excess, weights=shares), np.float32)
         if not (self.is_other and rendition.is_small):  # whose pixels do not show what is between them
             self.motion_error = self.motion_error * (self.usual + EXACT_ERROR) / (self.usual + INEXACT_ERROR)
 
@@ -204,7 +206,7 @@ class GuidedPair:
             values = np.minimum(values, cv2.dilate(np.maximum.reduce([fused.values, *self.keys]), NEARBY))
         colours = self.colours.image(values, *self.images, t)
         layered = [each for each in (*self.images, made.image) if isinstance(each, LayeredImage)]
-        image = LayeredImage(colours, mixed_layers(fused, layered)) if layered else colours
+        image = LayeredImage(colours, mixed_layers(fused, known.rendition, layered)) if layered else colours
         confidence = None if made.confidence is None else known.rendition.raised(agreement)
         return InterpolatedImage(image, confidence), findings
 
@@ -215,7 +217,7 @@ def _are_other(calibration: Calibration, known: np.ndarray, warped_guides: np.nd
     apart = np.mean(smooth(calibration.usual[0]) ** 2)
     contrast = np.mean((smooth(known) - cv2.blur(known, (31, 31))) ** 2)
     error, error_of_frames = (
-        np.median(smooth(squared(each))) for each in (warped_guides - known, calibration.usual[0])
+        np.median(smooth(squared(each))[::2, ::2]) for each in (warped_guides - known, calibration.usual[0])
     )
     return bool(apart > OTHER_SHADING * max(contrast, 1) and error < OTHER_ERROR * error_of_frames)
 
@@ -236,128 +238,124 @@ class GuidedFrame:
         self.guide = guide
         self.calibration = calibration
         self.rendition = calibration.rendition
-        self.searches = SMALL_SEARCHES if self.rendition.is_small else LARGE_SEARCHES
+        offset = np.divide(self.rendition.offset, self.rendition.full)
+        self.layout = np.array([np.divide(1, self.rendition.size), offset], np.float32)
+        """Where its pixels lie in pictures of the frame; see `fpsboost.kernels.smooth_motion`."""
         self.variance = calibration.noise**2
         self.side = SMALL_PATCH if self.rendition.is_small else PATCH
 
-    @cached_property
-    def shown_keys(self) -> list[np.ndarray]:
-        """The two frames as guides show them."""
-        return self.pair.guides if self.pair.is_other else [self.rendition.shown(key) for key in self.pair.keys]
-
     def fused(self, made: np.ndarray) -> Fused:
         """Return the mean of all candidates."""
-        flows = [pair for each in self.searches for pair in enumerate(self.search(self.shown_keys, *each))]
-        candidates = [self.along(*each) for each in flows] + self._own(made)
-        first = _searched(self.pair.colours.levels(self._mean(candidates).values))
-        flows = [(i, _smooth_flows(SECOND_SEARCH, first, key)[0]) for i, key in enumerate(self.pair.bytes)]
-        return self._mean([*candidates, *(self.along(*each) for each in flows)])
+        pair = self.pair
+        half = np.atleast_3d(cv2.pyrDown(made))
+        pictures, halves = [*pair.keys, made], [*pair.halves, half]
+        if pair.is_other:
+            shown = pair.guides
+            warped_guides = [sampled(pair.guides[i], motion) for i, motion in self._second(half)]
+            candidates = [Candidate(2, None, self.error(each), each) for each in warped_guides]
+        else:
+            shown = [self.rendition.shown(each) for each in pictures]
+            candidates = [Candidate(2, None, self.error(shown[2]), None)]
+        for source, motions in enumerate(self.search(shown)):
+            # the last but one has other errors, as its patches are larger
+            candidates += [self.candidate(source, each, pictures) for each in motions[-1 if source == 2 else -2 :]]
+        second = self._second(self._mean(candidates, halves).values)
+        return self._mean(candidates + [self.candidate(*each, pictures) for each in second], pictures)
 
-    def search(self, pictures: Sequence[np.ndarray], scale: float, search: CoarseToFine) -> list[np.ndarray]:
-        """Return the motion from the guide to pictures that look like it, for every pixel of the frame."""
+    def _second(self, half: np.ndarray) -> Iterator[tuple[int, SmoothMotion]]:
+        """Yield each frame and the motion to it from a picture of half its size."""
+        image = _searched(self.pair.colours.levels(half))
+        for i, key in enumerate(self.pair.bytes):
+            yield i, _smooth(SECOND_SEARCH.estimate_onward(image, key)[-1])
+
+    def search(self, pictures: Sequence[np.ndarray]) -> list[list[SmoothMotion]]:
+        """Return the motion from the guide to pictures that look like it, on every level from the coarsest on."""
+        scale, search = SMALL_SEARCH if self.rendition.is_small else LARGE_SEARCH
         width, height = self.rendition.size
-        size = round(scale * width), round(scale * height)
-        way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-        guide, *others = (_searched(resized(each, size, way)) for each in (self.guide, *pictures))
-        to_frame = np.divide(self.rendition.full, size, dtype=np.float32)
-        return [self.rendition.raised(_smooth_flows(search, guide, each)[0] * to_frame) for each in others]
+        size = scale * width, scale * height
+        guide, *others = (_searched(resized(each, size, cv2.INTER_CUBIC)) for each in (self.guide, *pictures))
+        return [[_smooth(field, self.layout[1]) for field in search.estimate_onward(guide, each)] for each in others]
 
-    def along(self, source: int, flow: np.ndarray) -> Candidate:
-        """Return a frame along a motion."""
-        warped_guide = self.warped_guide(source, flow) if self.pair.is_other else None
-        return self._candidate(sample(self.pair.keys[source], flow, cv2.INTER_CUBIC), source, flow, warped_guide)
-
-    def warped_guide(self, source: int, flow: np.ndarray) -> np.ndarray:
-        """Return the guide of a frame along a motion of the frame's pixels."""
-        motion = resized(flow, self.rendition.size, cv2.INTER_LINEAR) / self.rendition.factor
-        return sample(self.pair.guides[source], motion, cv2.INTER_CUBIC)
-
-    def _own(self, made: np.ndarray) -> list[Candidate]:
-        """Return the frame that is made without a guide, and that displaced to fit the guide, as candidates."""
+    def candidate(self, source: int, motion: SmoothMotion, pictures: Sequence[np.ndarray]) -> Candidate:
+        """Return a picture along a motion, with its difference from the guide."""
         if self.pair.is_other:
-            image = _searched(self.pair.colours.levels(made))
-            flows = [_smooth_flows(SECOND_SEARCH, image, key)[0] for key in self.pair.bytes]
-            return [self._candidate(made, 2, None, self.warped_guide(i, flow)) for i, flow in enumerate(flows)]
-        (flow,) = self.search([self.rendition.shown(made)], *self.searches[0])
-        moved = sample(made, flow, cv2.INTER_CUBIC)
-        return [self._candidate(made, 2, None), self._candidate(moved, 2, flow)]
-
-    def _candidate(
-        self, values: np.ndarray, source: int, flow: np.ndarray | None, warped_guide: np.ndarray | None = None
-    ) -> Candidate:
-        """Return a candidate with its difference from the guide."""
-        error = self.error(self.rendition.shown(values) if warped_guide is None else warped_guide)
-        return Candidate(values, error, source, flow, warped_guide)
+            warped_guide = sampled(self.pair.guides[source], motion)
+            return Candidate(source, motion, self.error(warped_guide), warped_guide)
+        return Candidate(source, motion, self.error(self.rendition.shown(sampled(pictures[source], motion))), None)
 
     def error(self, shown: np.ndarray) -> np.ndarray:
         """Return the squared difference from the guide around each pixel beyond that of noise, square levels."""
-        error = cv2.blur(squared(shown - self.guide), (self.side, self.side))
-        return np.asarray(np.maximum(error - self.variance, 0))
+        error = np.empty(self.guide.shape[:2], np.float32)
+        measure_error(self.guide, shown, self.side, self.variance, error)
+        return error
 
-    def error_at_full_size(self, values: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Return the squared error of a picture around each pixel of the guide, square levels."""
-        colours = self.pair.colours
-        error = squared(colours.levels(values) - colours.levels(truth))
-        return np.asarray(cv2.blur(resized(error, self.rendition.size, cv2.INTER_AREA), (5, 5)))
+    def error_at_full_size(self, key: int, motion: SmoothMotion) -> np.ndarray:
+        """Return the squared error of the other frame along a motion around each pixel of the guide, square levels."""
+        truth, picture = (
+            self.pair.colours.levels(each) for each in (self.pair.keys[key], sampled(self.pair.keys[1 - key], motion))
+        )
+        return np.asarray(cv2.blur(resized(squared(picture - truth), self.rendition.size, cv2.INTER_AREA), (5, 5)))
 
-    def _mean(self, candidates: list[Candidate]) -> Fused:
-        """Return the mean of candidates, weighted by the errors that are expected of them."""
-        usual = self.pair.usual
-        unsure = FLOOR**2 + self.variance / self.side + UNSURE_SHARE * usual
-        best = np.minimum.reduce([each.error for each in candidates])
-        trust = np.ones_like(best)
-        if self.pair.is_damaged:  # what no frame explains is damage, and so is what lies around
-            trust = np.exp(cv2.dilate(best, NEARBY) * (-0.5 / UNSURE**2))
-        expected = [self._expected(each) * (trust if each.flow is None else 1) + unsure for each in candidates]
-        least = np.minimum.reduce(expected)
-        own_weight = OWN_WEIGHT * (1 + usual / DOUBLING_ERROR)
-        total = np.zeros(candidates[0].values.shape, np.float32)
-        weights = []
-        for each, error in zip(candidates, expected, strict=True):
-            share = (least / error) ** SHARPNESS * (own_weight if each.flow is None else 1)
-            weights.append(self.rendition.raised(share))
-            total += weights[-1][..., np.newaxis] * each.values
-        return Fused(total / np.sum(weights, axis=0)[..., np.newaxis], best, candidates, weights)
+    def _mean(self, candidates: list[Candidate], pictures: Sequence[np.ndarray]) -> Fused:
+        """Return the mean of candidates, weighted by the errors that are expected of them.
 
-    def _expected(self, candidate: Candidate) -> np.ndarray:
-        """Return the error that is expected of a candidate beyond the usual one of guides, square levels."""
-        usual = self.pair.usual
-        error = candidate.error
-        if candidate.flow is not None:
-            return np.maximum(error - usual, 0) + self.pair.motion_error
-        if np.mean(usual) > EXACT_ERROR:
-            error = cv2.blur(error, (OWN_PATCH, OWN_PATCH))
-        return np.maximum(error - usual, 0)
+        The pictures that they are made of have the frames' size or another one.
+        """
+        pair = self.pair
+        errors = np.array([each.error for each in candidates])
+        shares = np.empty_like(errors)
+        least = errors.min(axis=0)
+        flat = np.zeros_like(least)
+        trust = flat + 1
+        if pair.is_damaged:  # what no frame explains is damage, and so is what lies around
+            trust = np.exp(cv2.dilate(least, NEARBY) * (-0.5 / UNSURE**2))
+        own_side = OWN_PATCH if np.mean(pair.usual) > EXACT_ERROR else 1
+        unsure = FLOOR**2 + self.variance / self.side
+        is_own = np.array([each.motion is None for each in candidates])
+        around = flat + pair.usual, flat + pair.motion_error, trust
+        weigh(errors, is_own, *around, own_side, unsure, UNSURE_SHARE, OWN_WEIGHT, DOUBLING_ERROR, shares)
+        mix = partial(self._mixed, candidates, shares)
+        return Fused(mix(pictures), least, candidates, shares, mix)
+
+    def _mixed(self, candidates: list[Candidate], shares: np.ndarray, pictures: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the mean of candidates, of pictures of the frames' size or another one."""
+        total = np.zeros_like(pictures[0])
+        sums = np.zeros_like(total[..., :1])
+        for each, share in zip(candidates, shares, strict=True):
+            add_along(pictures[each.source], each.motion, share, self.layout, total, sums)
+        return np.asarray(total / sums)
 
     def difference(self, fused: Fused) -> np.ndarray:
         """Return what the guide shows beyond what the frames do, and beyond its usual differences, levels."""
         rendition = self.rendition
-        usual = self.calibration.usual if self.pair.guides else None
-        if self.pair.is_other:
-            shares = [resized(weight, rendition.size, cv2.INTER_AREA) for weight in fused.weights]
+        pair = self.pair
+        if pair.is_other:
             warped_guides = np.array([each.warped_guide for each in fused.candidates])
-            shown = np.einsum("kyxc,kyx->yxc", warped_guides, shares) / np.sum(shares, axis=0)[..., np.newaxis]
-            usual = None
+            shares = fused.shares
+            if (
+                rendition.is_small
+            ):  # whose pixels show means of weights interpolated between them: 1/8, 3/4, 1/8, nearly
+                shares = np.array([cv2.GaussianBlur(each, (3, 3), 0.5) for each in shares])
+            total = np.einsum("kyxc,kyx->yxc", warped_guides, shares)
+            shown = total / shares.sum(axis=0)[..., np.newaxis]
         else:
             shown = rendition.shown(fused.values)
         difference = self.guide - shown
-        # without usual differences, only the better part of these can be judged
-        off = np.quantile(np.abs(difference), 0.5) if usual is None else np.abs(usual[0]).mean()
-        if rendition.is_small and off < EXACT and not (self.pair.is_other or self.pair.are_exposed):
-            return exact_difference(fused.values, self.guide, np.maximum(fused.error - FLOOR**2, 0), rendition)
+        if rendition.is_small and not (pair.is_other or pair.are_exposed):
+            # without usual differences, only the better part of these can be judged
+            off = np.abs(self.calibration.usual[0]).mean() if pair.guides else np.median(np.abs(difference))
+            if off < EXACT:
+                return exact_difference(fused.values, self.guide, np.maximum(fused.error - FLOOR**2, 0), rendition)
+        usual = pair.usual_power
+        if usual is None:
+            usual = usual_power(difference, shown, use_median=True)
         return rendition.raised(excess_difference(difference, shown, usual), cv2.INTER_CUBIC)
 
 
-def _smooth_flows(search: CoarseToFine, image: FrameCache, other: FrameCache) -> list[np.ndarray]:
-    """Return the motion in both directions, interpolated between the vectors, each (H, W, 2) float32."""
-    flows = []
-    for field in search.estimate(image, other):
-        height, width = field.shape
-        rows, columns = field.vectors.shape[:2]
-        size = columns * field.spacing, rows * field.spacing
-        flow = cv2.resize(field.vectors, size, interpolation=cv2.INTER_LINEAR)
-        flows.append(np.ascontiguousarray(flow[:height, :width]))
-    return flows
+def _smooth(field: MotionField, corner: Sequence[float] = (0, 0)) -> SmoothMotion:
+    """Return motion that was searched in pictures of any size, which lie at an offset from the frames."""
+    scale = np.divide(1, field.shape[::-1], dtype=np.float32)
+    return SmoothMotion(field.vectors * scale, np.array([scale * field.spacing, corner], np.float32))
 
 
 def _searched(levels: np.ndarray) -> FrameCache:

@@ -66,3 +66,6 @@ def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, 
         np.testing.assert_array_equal(found.flow[direction], flow)
         np.testing.assert_array_equal(found.similarity[direction], similarity)
     assert len(np.unique(found.flow)) > 3
+    onward = Points(np.empty((1, *shape, 2), np.float32), np.empty((1, *shape), np.float32))
+    search_level(there, CoarseMotion(proposed, expected, weights), settings, onward)
+    np.testing.assert_array_equal(onward.flow, found.flow[:1])

@@ -208,6 +208,20 @@ def test_pyramids_halve_down_to_the_coarsest_side(size, expected, channels):
     assert max(levels[-1].pixels.shape[:2]) >= min(60, max(size))
 
 
+@pytest.mark.parametrize("size", [(1, 1), (40, 50), (96, 131)])
+@pytest.mark.parametrize("estimator", [CoarseToFine(), CoarseToFine(step=2, finest_level=1)])
+def test_motion_onward_alone_is_that_of_both(estimator, size):
+    """To the bit on the last level; those before it have fewer vectors of the same motion."""
+    clip = affine(*size, shift=(3.4, -2.3))
+    field, _ = estimator.estimate(*clip.prepared)
+    *coarser, last = estimator.estimate_onward(*clip.prepared)
+    np.testing.assert_array_equal(last.vectors, field.vectors)
+    np.testing.assert_array_equal(last.similarities, field.similarities)
+    assert all(each.shape == field.shape for each in coarser)
+    if coarser:
+        assert np.abs(coarser[-1].flow - np.float32([3.4, -2.3]))[16:-16, 16:-16].mean() < 0.3
+
+
 @pytest.mark.parametrize("width", [18, 24])
 @pytest.mark.parametrize("shift", [(14, 27), (-30, 6), (20, -20), (2, 28)])
 def test_a_small_disc_keeps_its_motion_to_the_finest_level(width, shift):
