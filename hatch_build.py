@@ -221,7 +221,7 @@ def run_compiler(command: list[str], environment: dict[str, str], folder: str | 
         sys.exit(f"The compiler {command[0]} ended with {error.returncode} for {command[-1]}; see what it said above.")
 
 
-class KernelsHook(BuildHookInterface):
+class KernelsHook(BuildHookInterface[Any]):
     """Step of a build that adds the compiled kernels to the package."""
 
     PLUGIN_NAME = "custom"
