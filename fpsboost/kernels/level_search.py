@@ -1,6 +1,6 @@
 """Search of one level of the pyramid in one or both directions: compare the proposed motions, and choose among them.
 
-`search_level` does both steps in one kernel, as Python would take as long as the kernel between its steps where levels
+`search_level` does all steps in one kernel, as Python would take as long as the kernel between its steps where levels
 are small.
 
 Neighbouring points mostly propose the same few offsets. For each tile, the distinct proposals in and around the tile
@@ -44,6 +44,8 @@ class OffsetLists(NamedTuple):
     """Mean similarity."""
     flow: Annotated[Array, "out float32 (down, across, capacity, 2)"]
     """Offsets, whole pixels."""
+    detail: Annotated[Array, "out float32 (down, across)"]
+    """Similarity with itself that the patch loses by one pixel along x and one along y, together."""
 
 
 class CoarseMotion(NamedTuple):
@@ -111,6 +113,18 @@ def search_tiles(
       x and y, pixels
     - `patch_radius`: radius r of the patch of (2r + 1) x (2r + 1) pixels, at most 10
     - `row_step`: 1, or 2 to compare every second row of the patches; then `step` is a multiple of 4
+    """
+
+
+@compiled
+def compare_labels(pair: PlanePair, step: int, patch_radius: int, lists: OffsetLists) -> None:
+    """Correct the similarities that `search_tiles` found for what sampling hides, where a fine pattern has rivals.
+
+    An offset misses the motion by up to half a pixel, and a fine pattern is then more similar some periods away, where
+    it happens to lie on whole pixels. At points with a detail of 0.3 and more, all offsets that half a pixel along both
+    axes may make the most similar one are compared at their best fraction of a pixel, by a least-squares step. Those
+    that then differ by no more than a quarter of a pixel may explain, and by a period of the pattern in the frame
+    itself, get the same similarity, so that their neighbours decide.
     """
 
 

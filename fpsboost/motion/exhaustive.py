@@ -153,7 +153,7 @@ MIN_SIMILARITY = 0.5
 EXPLAINED_SIMILARITY = 0.7
 """Similarity from which on a point needs no other explanation."""
 
-MIN_EXPLAINED_SHARE = 0.2
+MIN_EXPLAINED_SHARE = 0.15
 """Minimum share of a connected unexplained region that an object's own motion explains; the rest is what it occludes
 and uncovers."""
 

@@ -47,6 +47,13 @@ DENSE_STEP = 2
 """Distance between points on the level that is re-searched first, pixels: small objects need points well inside of
 them."""
 
+SPARSE_STEP = 8
+"""Distance between points from which on every second row of a patch is compared, pixels."""
+
+REFINE_RADIUS = 1
+"""Distance from the coarser level's motion within which offsets are compared, along x and y together: the similarity of
+an offset at its best fraction of a pixel is known from its neighbours."""
+
 DAMPING = 0.1
 """Damping of the least-squares step, in squared bandwidths v: limits it where gradients are small."""
 
@@ -175,12 +182,8 @@ class CoarseToFine(Checked):
             spacing = step * 2
             step = self.step if level == last else COARSE_STEP
             pair = self._plane_pair(levels0[level], levels1[level])
-            # whole pixels around the prediction are compared on two levels: on the second coarsest, because an error
-            # grows from there on, and on the finest, because no further level corrects it
-            refine_radius = int(level in (last, len(levels0) - 2))
-            row_step = 2 if level == last and step % 4 == 0 else 1
             searched = directions if level == last else 2
-            found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step, searched)
+            found = self._search(pair, coarse, 2, spacing, step, searched)
             yield _fields(found, step, level, size)
 
     def _search_coarsest(self, image0: FrameCache, image1: FrameCache, pair: PlanePair) -> Points:
@@ -189,7 +192,7 @@ class CoarseToFine(Checked):
         fields = search_fused(*components, self._max_offset(pair), self.patch_radius, "box", self.v)
         flow = np.stack([field.flow for field in fields])
         coarse = CoarseMotion(flow, np.zeros_like(flow), np.ones(flow.shape[:3], np.float32))
-        return self._search(pair, coarse, 1, 1, COARSEST_STEP, refine_radius=0, row_step=1)
+        return self._search(pair, coarse, 1, 1, COARSEST_STEP)
 
     def _search(
         self,
@@ -198,8 +201,6 @@ class CoarseToFine(Checked):
         scale: int,
         spacing: int,
         step: int,
-        refine_radius: int,
-        row_step: int,
         directions: int = 2,
     ) -> Points:
         """Search one level in both directions, or in the first one, and refine the vectors to a fraction of a pixel.
@@ -212,10 +213,10 @@ class CoarseToFine(Checked):
             scale,
             spacing,
             step,
-            refine_radius,
+            REFINE_RADIUS,
             self._max_offset(pair),
             self.patch_radius,
-            row_step,
+            2 if step % SPARSE_STEP == 0 else 1,
             self.labels,
             self.smoothness,
             self.smoothness / (self.steepness * step),

@@ -1,5 +1,6 @@
 // Search of one level of the pyramid in one or both directions: compare what a coarser level proposes, and choose among
 // it.
+#include "label_similarity.h"
 #include "semi_global.h"
 #include "tiles.h"
 
@@ -11,6 +12,11 @@ FORCE_INLINE void whole_pixels(const float *motion, Int places, float scale, Off
     rounded[i] = {int32_t(__builtin_rintf(motion[2 * i] * scale)), int32_t(__builtin_rintf(motion[2 * i + 1] * scale))};
 }
 
+CandidateLists candidate_lists(const OffsetLists &lists) {
+  return {lists.listed.data,     lists.similarity.data, as<Vector *>(lists.flow.data), lists.detail.data,
+          lists.listed.shape[0], lists.listed.shape[1], lists.similarity.shape[2]};
+}
+
 }  // namespace
 
 KERNEL(Int, search_tiles, const SearchTiles &args) {
@@ -19,15 +25,15 @@ KERNEL(Int, search_tiles, const SearchTiles &args) {
   const TileWork work(settings, args.proposals.spacing, args.lists.similarity.shape[2], workspace);
   if (workspace.is_counting()) return workspace.size();
   const ArrayOf<const int32_t, 3> &motion = args.proposals.motion;
-  const ArrayOf<int32_t, 2> &listed = args.lists.listed;
   search_tiles(Frames<uint8_t>(args.pair),
                {as<const Offset *>(motion.data), as<const Offset *>(args.proposals.expected.data), motion.shape[0],
                 motion.shape[1], args.proposals.spacing},
-               settings,
-               {listed.data, args.lists.similarity.data, as<Vector *>(args.lists.flow.data), listed.shape[0],
-                listed.shape[1], args.lists.similarity.shape[2]},
-               work);
+               settings, candidate_lists(args.lists), work);
   return 0;
+}
+
+KERNEL(void, compare_labels, const CompareLabels &args) {
+  compare_labels(Frames<uint8_t>(args.pair), args.step, args.patch_radius, candidate_lists(args.lists));
 }
 
 KERNEL(Int, choose_labels, const ChooseLabels &args) {
@@ -57,6 +63,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
   CandidateLists lists = {scratch.take<int32_t>(nodes),
                           scratch.take<float>(nodes * labels),
                           scratch.take<Vector>(nodes * labels),
+                          scratch.take<float>(nodes),
                           rows,
                           columns,
                           labels};
@@ -68,6 +75,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
     whole_pixels(proposed.ptr(direction), down * across, args.settings.scale, whole_proposed);
     whole_pixels(expected.ptr(direction), down * across, args.settings.scale, whole_expected);
     search_tiles(frames, {whole_proposed, whole_expected, down, across, spacing}, tiles, lists, work);
+    compare_labels(frames, step, args.settings.patch_radius, lists);
     for (Int row = 0; row < rows; row++)
       for (Int column = 0; column < columns; column++) {
         // points have the weights of the places in which they lie

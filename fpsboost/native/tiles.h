@@ -21,20 +21,23 @@ struct TileSettings {
   Int step, refine_radius, max_offset, patch_radius, row_step;
 };
 
-// Work arrays: a flag for each offset, the offsets of a tile, and the lists of its points.
+// Work arrays: the number of each offset among those of a tile, 0 for others; the offsets of a tile; what each of them
+// scores at the points, and NOTHING for number 0; and the lists of the points.
 struct TileWork {
-  Int points, flags;
-  bool *is_listed;
+  Int points, places;
+  int32_t *number;
   Offset *offsets;
-  float *entries;
+  float *scores, *entries;
 
   TileWork(const TileSettings &settings, Int spacing, Int capacity, Workspace &workspace) {
     const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 1;
-    const Int places = (TILE + 2 * PROPOSAL_MARGIN) / spacing + 2, reach = (2 * settings.refine_radius + 1) * places;
+    const Int proposals = (TILE + 2 * PROPOSAL_MARGIN) / spacing + 2, reach = 2 * settings.refine_radius + 1;
+    const Int most = 2 + min(side * side, reach * reach * (1 + proposals * proposals));
     points = max(per_tile * per_tile, Int(8));
-    flags = side * side;
-    is_listed = workspace.take<bool>(flags);
-    offsets = workspace.take<Offset>(min(flags, 1 + reach * reach));
+    places = side * side;
+    number = workspace.take<int32_t>(places);
+    offsets = workspace.take<Offset>(most);
+    scores = workspace.take<float>((1 + most) * points);
     entries = workspace.take<float>(capacity * 3 * points);
   }
 };
@@ -45,11 +48,13 @@ struct ProposedOffsets {
   Int down, across, spacing;
 };
 
-// Most similar offsets of each point of the frame, of at most `capacity`.
+// Most similar offsets of each point of the frame, of at most `capacity`; and the detail of the patch around each
+// point: how much similarity with itself it loses by one pixel along x and one along y.
 struct CandidateLists {
   int32_t *listed;
   float *similarity;
   Vector *flow;
+  float *detail;
   Int down, across, capacity;
 };
 
@@ -87,36 +92,50 @@ FORCE_INLINE void insert_top_eight(float dx, float dy, const float *similarities
   }
 }
 
-// Lists the distinct offsets within `refine_radius` of any proposal in and around a tile, and returns their number.
-// `is_listed` has a flag for each offset, all false at the start and at the end.
-FORCE_INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &tile, const TileSettings &settings,
-                                bool *is_listed, Offset *offsets) {
-  const Int limit = settings.max_offset, side = 2 * limit + 1, spacing = proposals.spacing;
+// Offsets of a tile, each once.
+struct OffsetSet {
+  Int limit, side, count;
+  int32_t *number;
+  Offset *offsets;
+
+  OffsetSet(Int limit, const TileWork &work)
+      : limit(limit), side(2 * limit + 1), count(0), number(work.number), offsets(work.offsets) {}
+
+  int32_t &number_of(Int dx, Int dy) const { return number[(dy + limit) * side + dx + limit]; }
+
+  // Adds the offsets at a distance from another one, along x and y together, as far as they are within the limit.
+  void add_around(Offset offset, Int distance) {
+    for (Int dy = max(offset.dy - distance, -limit); dy <= min(offset.dy + distance, limit); dy++) {
+      const Int rest = distance - (dy > offset.dy ? dy - offset.dy : offset.dy - dy);
+      for (Int dx = max(offset.dx - rest, -limit); dx <= min(offset.dx + rest, limit); dx++) {
+        int32_t &own = number_of(dx, dy);
+        if (own) continue;
+        offsets[count++] = {int32_t(dx), int32_t(dy)};
+        own = int32_t(count);
+      }
+    }
+  }
+
+  void clear() {
+    for (Int k = 0; k < count; k++) number_of(offsets[k].dx, offsets[k].dy) = 0;
+  }
+};
+
+// Adds zero motion, the distinct proposals in and around a tile, and the neighbours of all of them.
+FORCE_INLINE void gather_offsets(const ProposedOffsets &proposals, const Tile &tile, Int refine_radius,
+                                 OffsetSet &offsets) {
+  const Int spacing = proposals.spacing;
   // the places in which pixels lie
   const Int top = max(tile.top - PROPOSAL_MARGIN, Int(0)) / spacing,
             left = max(tile.left - PROPOSAL_MARGIN, Int(0)) / spacing;
   const Int bottom = min((tile.bottom + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.down);
   const Int right = min((tile.right + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.across);
-  Int count = 1;
-  offsets[0] = {0, 0};  // zero motion is always included
-  is_listed[limit * side + limit] = true;
   // by distance from the proposal: of equally similar offsets, the first one is kept
-  for (Int around = 0; around <= settings.refine_radius; around++)
+  for (Int distance = 0; distance <= refine_radius; distance++) {
+    offsets.add_around({0, 0}, distance);
     for (Int y = top; y < bottom; y++)
-      for (Int x = left; x < right; x++) {
-        const Offset proposed = proposals.proposed[y * proposals.across + x];
-        for (Int dy = max(proposed.dy - around, -limit); dy <= min(proposed.dy + around, limit); dy++) {
-          const Int rest = around - (dy > proposed.dy ? dy - proposed.dy : proposed.dy - dy);
-          for (Int dx = max(proposed.dx - rest, -limit); dx <= min(proposed.dx + rest, limit); dx++) {
-            bool &listed = is_listed[(dy + limit) * side + dx + limit];
-            if (listed) continue;
-            listed = true;
-            offsets[count++] = {int32_t(dx), int32_t(dy)};
-          }
-        }
-      }
-  for (Int k = 0; k < count; k++) is_listed[(offsets[k].dy + limit) * side + offsets[k].dx + limit] = false;
-  return count;
+      for (Int x = left; x < right; x++) offsets.add_around(proposals.proposed[y * proposals.across + x], distance);
+  }
 }
 
 // Appends an offset to a point's list if it is not listed yet; if the list is full, replaces the last entry.
@@ -183,7 +202,6 @@ template <Int LANES> struct ColumnSums {
 // Begins the points of a tile, and their lists, in which nothing is.
 FORCE_INLINE void begin_points(const ProposedOffsets &proposals, const Tile &tile, Int step, Int capacity,
                                const TileWork &work, TilePoints &points) {
-  for (Int i = 0; i < work.points; i++) points.similarity[i] = NOTHING;  // includes points beyond the frame
   for (Int k = 0; k < capacity; k++) {
     const EntryRow row(work.entries, k, work.points);
     for (Int i = 0; i < work.points; i++) {
@@ -204,7 +222,7 @@ FORCE_INLINE void begin_points(const ProposedOffsets &proposals, const Tile &til
 // pixel counts `share`.
 template <Int LANES>
 FORCE_INLINE void score_points(const ColumnSums<LANES> &columns, const Tile &tile, const TileSettings &settings,
-                               Int size, Int compared, float share, Offset offset, TilePoints &points) {
+                               Int size, Int compared, float share, Int per_row, float *scores) {
   const Int step = settings.step;
   for (Int p = 0; p < tile.down; p++) {
     const uint16_t *above = columns.sums[(p * step + step / 2) / settings.row_step], *below = above + compared * LANES;
@@ -213,12 +231,38 @@ FORCE_INLINE void score_points(const ColumnSums<LANES> &columns, const Tile &til
     for (Int q = 0; q < tile.across; q++) {
       int32_t total = 0;
       for (Int i = 0; i < size; i++) total += sums[q * step + step / 2 + i];
-      const Int point = p * points.per_row + q;
-      points.similarity[point] = float(total) * share;
-      if (offset.dx == points.expected[point].dx && offset.dy == points.expected[point].dy)
-        points.expected_similarity[point] = points.similarity[point];
+      scores[p * per_row + q] = float(total) * share;
     }
   }
+}
+
+// Adds to the similarity of an offset what its fraction of a pixel hides along an axis. Dissimilarity grows linearly
+// with the distance from the true motion, so that the offsets before and after it differ by twice what is lost.
+FORCE_INLINE void add_peak(const float *scores, const float *before, const float *after, Int points,
+                           float *similarity) {
+  for (Int i = 0; i < points; i++) {
+    const bool is_peak = min(before[i], after[i]) >= 0 && scores[i] >= max(before[i], after[i]);
+    similarity[i] += is_peak ? 0.5f * absolute(before[i] - after[i]) : 0.0f;
+  }
+}
+
+// Computes the similarity of an offset at the points of a tile, at its best fraction of a pixel.
+FORCE_INLINE void find_similarity(const TileWork &work, const OffsetSet &offsets, Int k, TilePoints &points) {
+  const Offset offset = offsets.offsets[k];
+  const float *scores = work.scores + (k + 1) * work.points;
+  for (Int i = 0; i < work.points; i++) points.similarity[i] = scores[i];
+  for (Int axis = 0; axis < 2; axis++) {
+    const Int along_x = axis == 0, along_y = axis == 1;
+    const Int along = axis ? offset.dy : offset.dx;
+    if (max(along, -along) == offsets.limit) continue;
+    const Int before = offsets.number_of(offset.dx - along_x, offset.dy - along_y),
+              after = offsets.number_of(offset.dx + along_x, offset.dy + along_y);
+    add_peak(scores, work.scores + before * work.points, work.scores + after * work.points, work.points,
+             points.similarity);
+  }
+  for (Int i = 0; i < work.points; i++)
+    if (offset.dx == points.expected[i].dx && offset.dy == points.expected[i].dy)
+      points.expected_similarity[i] = points.similarity[i];
 }
 
 // Finds the most similar offsets, at least one, at every point of a frame. LANES, the columns of a tile and its patches
@@ -232,7 +276,8 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
   TilePoints points;
   points.per_row = TILE / step;
   ColumnSums<LANES> columns;
-  __builtin_memset(work.is_listed, 0, work.flags);
+  __builtin_memset(work.number, 0, work.places * sizeof *work.number);
+  for (Int i = 0; i < work.points; i++) work.scores[i] = NOTHING;
   __builtin_memset(columns.sums[0], 0, sizeof columns.sums[0]);
   for (Int top = 0; top < frames.height; top += TILE)
     for (Int left = 0; left < frames.width; left += TILE) {
@@ -247,21 +292,38 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
       begin_points(proposals, tile, step, lists.capacity, work, points);
       const Int last_row = max(tile.bottom, top + tile.down * step);  // the last points may lie beyond the frame's edge
       const Int rows = (last_row - top + 2 * radius + row_step - 1) / row_step;
-      const Int count = gather_offsets(proposals, tile, settings, work.is_listed, work.offsets);
-      for (Int k = 0; k < count; k++) {
-        const Offset offset = work.offsets[k];
+      OffsetSet offsets(settings.max_offset, work);
+      gather_offsets(proposals, tile, settings.refine_radius, offsets);
+      const auto score = [&](const Frames<uint8_t> &of, Offset offset, float *scores) {
+        columns.compare(of, of.place(top - radius, left - radius),
+                        of.place(top - radius + offset.dy, left - radius + offset.dx), row_step * of.stride, rows);
+        score_points(columns, tile, settings, size, compared, share, points.per_row, scores);
+      };
+      for (Int k = 0; k < offsets.count; k++) {
+        const Offset offset = offsets.offsets[k];
+        float *scores = work.scores + (k + 1) * work.points;
+        for (Int i = 0; i < work.points; i++) scores[i] = NOTHING;  // includes points beyond the frame
         if (min(top + offset.dy, left + offset.dx) < -TILE || last_row + offset.dy > frames.height + TILE ||
             tile.right + offset.dx > frames.width + TILE)
           continue;  // the tile would lie mostly outside
-        columns.compare(frames, frames.place(top - radius, left - radius),
-                        frames.place(top - radius + offset.dy, left - radius + offset.dx), row_step * frames.stride,
-                        rows);
-        score_points(columns, tile, settings, size, compared, share, offset, points);
-        for (Int i = 0; i < work.points; i += 8)
-          insert_top_eight(float(offset.dx), float(offset.dy), points.similarity, i, work.entries, work.points,
-                           lists.capacity);
+        score(frames, offset, scores);
       }
+      for (Int k = 0; k < offsets.count; k++) {
+        find_similarity(work, offsets, k, points);
+        for (Int i = 0; i < work.points; i += 8)
+          insert_top_eight(float(offsets.offsets[k].dx), float(offsets.offsets[k].dy), points.similarity, i,
+                           work.entries, work.points, lists.capacity);
+      }
+      offsets.clear();
       write_lists(tile, work, points, lists);
+      score(frames.first_alone(), {1, 0}, work.scores + work.points);
+      score(frames.first_alone(), {0, 1}, work.scores + 2 * work.points);
+      for (Int p = 0; p < tile.down; p++)
+        for (Int q = 0; q < tile.across; q++) {
+          const float *scores = work.scores + work.points + p * points.per_row + q;
+          lists.detail[(tile.first_row + p) * lists.across + tile.first_column + q] =
+              2 - scores[0] - scores[work.points];
+        }
     }
 }
 

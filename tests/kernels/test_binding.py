@@ -20,7 +20,7 @@ from support.truth import noise
 
 ROOT = binding.LIBRARY.parents[2]
 
-ENDS = ((), np.int32), ((2,), np.float32), ((2, 2), np.float32)
+ENDS = ((), np.int32), ((2,), np.float32), ((2, 2), np.float32), ((), np.float32)
 """Of the shapes of lists of two offsets, and their types."""
 
 

@@ -11,30 +11,37 @@ from fpsboost.kernels.level_search import (
     Points,
     Proposals,
     choose_labels,
+    compare_labels,
     search_level,
     search_tiles,
 )
 from fpsboost.motion.field import resample_points
 from support.planes import plane_pair, points
 from support.truth import noise
+from support.twins import compared_labels
 
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
 
 
+def empty_lists(shape):
+    """Room for the labels of all points."""
+    ends = ((), np.int32), ((LABELS,), np.float32), ((LABELS, 2), np.float32), ((), np.float32)
+    return OffsetLists(*(np.empty((*shape, *end), kind) for end, kind in ends))
+
+
 def searched_in_one_direction(pair, size, proposed, expected, weights, settings):
-    """Motion and similarity of the points in one direction, by the two kernels on whole pixels."""
+    """Motion and similarity of the points in one direction, by the three kernels on whole pixels."""
     shape = points(size, settings.step)
-    lists = OffsetLists(
-        np.empty(shape, np.int32), np.empty((*shape, LABELS), np.float32), np.empty((*shape, LABELS, 2), np.float32)
-    )
+    lists = empty_lists(shape)
     whole = (np.rint(each * settings.scale).astype(np.int32) for each in (proposed, expected))
     proposals = Proposals(*whole, settings.spacing)
     radii = settings.refine_radius, MAX_OFFSET, RADIUS
     search_tiles(pair, proposals, settings.step, *radii, settings.row_step, lists)
+    compare_labels(pair, settings.step, RADIUS, lists)
     shared = np.ascontiguousarray(resample_points(weights, size, settings.spacing, settings.step))
     costs = np.empty((*shape, 8), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
-    count, similarity, offsets = lists
+    count, similarity, offsets, _ = lists
     limits = settings.smoothness, settings.slope
     choose_labels(count, offsets, similarity, shared, *limits, costs, flow, chosen)
     return flow, chosen
@@ -69,3 +76,30 @@ def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, 
     onward = Points(np.empty((1, *shape, 2), np.float32), np.empty((1, *shape), np.float32))
     search_level(there, CoarseMotion(proposed, expected, weights), settings, onward)
     np.testing.assert_array_equal(onward.flow, found.flow[:1])
+
+
+@pytest.mark.parametrize(("period", "angle"), [(3, 0), (5.5, 0.2), (8, 1.4)])
+def test_labels_are_compared_as_their_slow_twin_compares_them(period, angle):
+    """At their best fraction of a pixel, and alike where the pattern repeats, in front of noise and by themselves."""
+    size, step, motion = (40, 45), 4, 0.4
+    y, x = np.mgrid[: size[0], : size[1]]
+    away = np.float32(x * np.sin(angle) + y * np.cos(angle))
+    images = []
+    for t in (0, 1):
+        waves = 128 + 60 * np.sin(2 * np.pi * (away - t * motion) / period)
+        images.append(np.uint8(np.dstack([waves] * 3) + 20 * noise(*size, 3, np.float32, 5 + t)))
+    images[1][:, :12] = images[0][:, :12] = np.uint8(255 * noise(size[0], 12, 3, np.float32, 9))
+    pair, shape = plane_pair(*images, PADDING + RADIUS, MOST), points(size, step)
+    lists, random = empty_lists(shape), np.random.default_rng(4)
+    proposed = random.integers(-MAX_OFFSET, MAX_OFFSET + 1, (*points(size, 8), 2), np.int32)
+    search_tiles(pair, Proposals(proposed, proposed, 8), step, 1, MAX_OFFSET, RADIUS, 1, lists)
+    before = lists.similarity.copy()
+    compare_labels(pair, step, RADIUS, lists)
+    for row, column in np.ndindex(shape):
+        place = row * step + step // 2, column * step + step // 2
+        known = lists.listed[row, column]
+        labels, similarity = lists.flow[row, column, :known], before[row, column, :known]
+        expected, detail = compared_labels(*images, place, RADIUS, int(MOST), labels, similarity)
+        np.testing.assert_allclose(lists.similarity[row, column, :known], expected, atol=1e-4)
+        np.testing.assert_allclose(lists.detail[row, column], detail, atol=1e-5)
+    assert (lists.similarity > before + 0.01).mean() > 0.05

@@ -10,7 +10,15 @@ from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused
 from support.planes import plane_pair
 from support.truth import noise
-from support.twins import best_offset, box_weights, gaussian_weights, level_similarity, patch_scores, pixel_similarity
+from support.twins import (
+    best_offset,
+    box_weights,
+    gaussian_weights,
+    level_similarity,
+    patch_scores,
+    peak_scores,
+    pixel_similarity,
+)
 
 TOLERANCE = 1e-5
 STRIP_WIDTH = 640
@@ -113,8 +121,8 @@ def level_image(height: int, width: int, seed: int) -> np.ndarray:
 
 
 def level_scores(image0, image1, radius, patch_radius, most):
-    """What the twin finds for every offset."""
-    return patch_scores(image0, image1, radius, box_weights(patch_radius), most, True, level_similarity)
+    """What the twin finds for every offset, at its best fraction of a pixel."""
+    return peak_scores(patch_scores(image0, image1, radius, box_weights(patch_radius), most, True, level_similarity))
 
 
 def list_tiles(
@@ -129,7 +137,7 @@ def list_tiles(
     pair = plane_pair(image0, image1, PADDING + patch_radius, most)
     around = 2 * radius if proposals is None else 0
     proposals = proposals or Proposals(still, np.full_like(still, expected), 1)
-    lists = OffsetLists(count, best, flows)
+    lists = OffsetLists(count, best, flows, np.empty(points, np.float32))
     level_search.search_tiles(pair, proposals, step, around, radius, patch_radius, every, lists)
     return count, best, flows
 
@@ -220,7 +228,7 @@ def test_every_second_row_of_the_patches_may_do(step):
     image0, image1 = level_image(*size, 21), level_image(*size, 22)
     weights = box_weights(patch_radius)
     weights[1::2] = 0
-    scores = patch_scores(image0, image1, radius, weights / weights.sum(), most, True, level_similarity)
+    scores = peak_scores(patch_scores(image0, image1, radius, weights / weights.sum(), most, True, level_similarity))
     count, best, flows = list_tiles(image0, image1, radius, patch_radius, most, step, capacity=9, every=2)
     for row, column in np.ndindex(count.shape):
         y, x = row * step + step // 2, column * step + step // 2

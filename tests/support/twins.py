@@ -89,6 +89,55 @@ def best_offset(scores: Array, sign: int = 1) -> tuple[Array, Array, Array]:
     return flow, best, first - second
 
 
+def peak_scores(scores: Array) -> Array:
+    """The scores of `patch_scores` at the best fraction of a pixel: a linear peak through both neighbours on an axis."""
+    peaks = scores.copy()
+    for axis in (2, 3):
+        before, here, after = (np.moveaxis(scores, axis, 0)[n : scores.shape[axis] - 2 + n] for n in range(3))
+        is_peak = (here >= np.maximum(before, after)) & (np.minimum(before, after) >= 0)
+        np.moveaxis(peaks, axis, 0)[1:-1] += np.where(is_peak, np.abs(before - after) / 2, 0)
+    return peaks
+
+
+def compared_labels(
+    image0: Array, image1: Array, point: tuple[int, int], radius: int, most: int, labels: Array, similarity: Array
+) -> tuple[Array, float]:
+    """The similarities of one point's labels (n, 2) after `compare_labels`, and the detail there."""
+    far = 64
+    first, second = (np.pad(each.astype(float), ((far, far), (far, far), (0, 0)), "edge") for each in (image0, image1))
+    y, x = (place + far for place in point)
+
+    def window(image: Array, dy: int, dx: int, before: int, after: int) -> Array:
+        return image[y + dy - before : y + dy + after + 1, x + dx - before : x + dx + after + 1]
+
+    def likeness(dy: int, dx: int) -> float:
+        return level_similarity(*(window(first, *to, radius, radius) for to in ((0, 0), (dy, dx))), most).mean()
+
+    def unexplained(dy: int, dx: int) -> float:
+        one, other = window(first, 0, 0, 5, 4), window(second, dy, dx, 5, 4)
+        change, total = (other - one)[1:-1, 1:-1], one + other
+        along_x, along_y = total[1:-1, 2:] - total[1:-1, :-2], total[2:, 1:-1] - total[:-2, 1:-1]
+        xx, xy, yy = (along_x**2).sum() + 64, (along_x * along_y).sum(), (along_y**2).sum() + 64
+        xt, yt, tt = (along_x * change).sum(), (along_y * change).sum(), (change**2).sum()
+        determinant = max(xx * yy - xy * xy, 32 * (xx + yy))
+        step_x, step_y = ((yy * xt - xy * yt) / determinant, (xx * yt - xy * xt) / determinant)
+        rest = change - np.clip(step_x, -0.125, 0.125) * along_x - np.clip(step_y, -0.125, 0.125) * along_y
+        return min((rest**2).sum() / tt, 1) if tt else 1
+
+    detail, changed = 2 - likeness(0, 1) - likeness(1, 0), similarity.astype(float)
+    slack, places = detail / 2, [(int(dy), int(dx)) for dx, dy in labels]
+    rivals = changed >= changed.max() - slack
+    if detail < 0.3 or rivals.sum() < 2:
+        return changed, detail
+    for k in np.flatnonzero(rivals & (changed < 1)):
+        changed[k] = 1 - (1 - changed[k]) * math.sqrt(unexplained(*places[k]))
+    best = int(changed.argmax())
+    for k in np.flatnonzero(changed >= changed[best] - slack / 2):
+        if likeness(*np.subtract(places[k], places[best])) >= 1 - slack:
+            changed[k] = changed[best]
+    return changed, detail
+
+
 def clamped(value: float, size: int) -> int:
     """Round half up, then clamp to an index."""
     return min(max(math.floor(value + 0.5), 0), size - 1)
