@@ -57,8 +57,8 @@ MIN_DEVIATION = 0.05
 
 HINGES = 8
 
-CONSTANT = 19
-"""Number of the feature that is always 1."""
+CONSTANT, VOTES = 19, 20
+"""Numbers of the feature that is always 1, and of the prior weight of a candidate."""
 
 BATCH = 8
 """Frames whose gradients make a step."""
@@ -135,8 +135,7 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
     for (row, column), squares in wanted.items():
         node = inputs.full, row, column, half, inputs.candidates, inputs.weighting, inputs.context
         extract_features(*node, features, gains, mixed, change, found)
-        priors = inputs.candidates.weights[row, column, : inputs.candidates.listed[row, column]]
-        priors = priors[priors > 0][: found[0]]
+        priors = features[: found[0], VOTES, 0]
         for i, slot, square in squares:
             order = np.argsort(-priors * np.exp(18 * features[: found[0], 0, square]), kind="stable")[:KEPT]
             n = order.size

@@ -66,7 +66,9 @@ class CoarseMotion(NamedTuple):
 class LevelSettings(NamedTuple):
     """Settings of the search of a level.
 
-    The radii, `max_offset` and `row_step` are described in `search_tiles`, `smoothness` and `slope` in `choose_labels`.
+    `max_offset` and `patch_radius` are described in `search_tiles`, `smoothness` and `slope` in `choose_labels`.
+    Offsets within one pixel of each proposal are compared, as the neighbours of an offset tell its similarity at the
+    best fraction of a pixel, and every second row of the patches where points are 8 pixels apart and more.
     """
 
     scale: Float
@@ -74,10 +76,8 @@ class LevelSettings(NamedTuple):
     spacing: int
     """Distance between the places of the coarser level, pixels of this one."""
     step: int
-    refine_radius: int
     max_offset: int
     patch_radius: int
-    row_step: int
     labels: int
     """Offsets among which that of a point is chosen."""
     smoothness: Float

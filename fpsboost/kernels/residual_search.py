@@ -3,7 +3,8 @@
 A patch that is much larger than an object follows the background, and the object is lost on the coarsest level already.
 But then neither the object nor, in the other frame, its new position has a match along the motion of the surroundings.
 Points that small patches do not explain are therefore compared with the points of the other frame that are not
-explained either (`search_residuals_bidirectional`).
+explained either (`search_residuals_bidirectional`). Things of a few pixels are smaller than any patch: at full size,
+connected regions of unexplained pixels are compared instead (`fpsboost.kernels.residual_regions`).
 """
 
 from typing import Annotated

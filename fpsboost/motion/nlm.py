@@ -11,7 +11,8 @@ level it is zero motion, so that the motion of noise is consistent.
 
 A patch that is larger than an object follows the background. What neither frame explains is therefore searched again
 with small patches (residual search). Motion found this way whose forward-backward error is small pays a lower
-smoothness cost towards its neighbours on the next level.
+smoothness cost towards its neighbours on the next level. On the last level, what is still unexplained in both frames is
+matched as connected regions (`fpsboost.kernels.residual_regions`).
 """
 
 import math
@@ -31,6 +32,7 @@ from fpsboost.kernels.constants import MAX_TILE_PATCH_RADIUS
 from fpsboost.kernels.level_search import PADDING, CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation
 from fpsboost.kernels.refine import refine_bidirectional
+from fpsboost.kernels.residual_regions import match_residual_regions
 from fpsboost.kernels.residual_search import relax_smoothness, search_residuals_bidirectional
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points
@@ -46,13 +48,6 @@ COARSE_STEP = 4
 DENSE_STEP = 2
 """Distance between points on the level that is re-searched first, pixels: small objects need points well inside of
 them."""
-
-SPARSE_STEP = 8
-"""Distance between points from which on every second row of a patch is compared, pixels."""
-
-REFINE_RADIUS = 1
-"""Distance from the coarser level's motion within which offsets are compared, along x and y together: the similarity of
-an offset at its best fraction of a pixel is known from its neighbours."""
 
 DAMPING = 0.1
 """Damping of the least-squares step, in squared bandwidths v: limits it where gradients are small."""
@@ -168,8 +163,7 @@ class CoarseToFine(Checked):
         step = COARSEST_STEP
         size = image0.pixels.shape[:2]
         yield _fields(found, step, len(levels0) - 1, size)
-        for level in range(len(levels0) - 2, last - 1, -1):
-            looks = len(levels0) - 2 - level
+        for looks, level in enumerate(range(len(levels0) - 2, last - 1, -1)):
             flow = found.flow
             if looks == 1:
                 shape = -(-pair.height // DENSE_STEP), -(-pair.width // DENSE_STEP)
@@ -184,6 +178,8 @@ class CoarseToFine(Checked):
             pair = self._plane_pair(levels0[level], levels1[level])
             searched = directions if level == last else 2
             found = self._search(pair, coarse, 2, spacing, step, searched)
+            if searched > 1 and level == last:
+                match_residual_regions(pair, step, self._max_offset(pair), found.flow, found.similarity)
             yield _fields(found, step, level, size)
 
     def _search_coarsest(self, image0: FrameCache, image1: FrameCache, pair: PlanePair) -> Points:
@@ -213,10 +209,8 @@ class CoarseToFine(Checked):
             scale,
             spacing,
             step,
-            REFINE_RADIUS,
             self._max_offset(pair),
             self.patch_radius,
-            2 if step % SPARSE_STEP == 0 else 1,
             self.labels,
             self.smoothness,
             self.smoothness / (self.steepness * step),

@@ -6,6 +6,9 @@
 
 namespace {
 
+constexpr Int REFINE_RADIUS = 1;  // distance from a proposal within which offsets are compared, along x and y together
+constexpr Int SPARSE_STEP = 8;    // distance between points from which on every second row of a patch is compared
+
 // Motion in units of another scale, in whole pixels.
 FORCE_INLINE void whole_pixels(const float *motion, Int places, float scale, Offset *rounded) {
   for (Int i = 0; i < places; i++)
@@ -55,8 +58,8 @@ KERNEL(Int, search_level, const SearchLevel &args) {
   const Int down = proposed.shape[1], across = proposed.shape[2], rows = flow.shape[1], columns = flow.shape[2];
   const Int nodes = rows * columns, labels = args.settings.labels, spacing = args.settings.spacing,
             step = args.settings.step;
-  const TileSettings tiles = {step, args.settings.refine_radius, args.settings.max_offset, args.settings.patch_radius,
-                              args.settings.row_step};
+  const TileSettings tiles = {step, REFINE_RADIUS, args.settings.max_offset, args.settings.patch_radius,
+                              step % SPARSE_STEP ? Int(1) : Int(2)};
   Workspace scratch(args.scratch);
   Offset *whole_proposed = scratch.take<Offset>(down * across), *whole_expected = scratch.take<Offset>(down * across);
   float *smoothness_weight = scratch.take<float>(nodes), *costs = scratch.take<float>(nodes * ((labels + 7) / 8 * 8));

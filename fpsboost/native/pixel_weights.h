@@ -13,6 +13,7 @@ constexpr float MAX_LOGIT = 20;             // logarithms of weights are limited
 constexpr float FOREGROUND_SCALE = 4;       // on squared differences: a bandwidth of 0.15 at which thin things match
 constexpr float FOREGROUND_SHARPNESS = 10;  // logarithm of the factor on the weight of what is certainly in front
 constexpr float MAX_GAIN = float(22026.465794806718);  // the factor itself, exp(FOREGROUND_SHARPNESS)
+constexpr float NEAR_MOTION = 8, FAR_MOTION = 16;      // of a candidate and the dominant motion, pixels apart
 constexpr float FOREGROUND_AGREEMENT = 3;  // on the agreement with the fields: along an edge motion is ambiguous
 
 struct NodeSums {                                                   // over the candidates of a node
@@ -20,7 +21,8 @@ struct NodeSums {                                                   // over the 
   alignas(64) float max_similarity[BLOCKS_2X2];                     // largest similarity of any candidate
   alignas(64) float reached[BLOCKS_2X2];  // plain weights, by which further candidates are skipped
   float min_weight, min_similarity;       // of any 2x2 block: plain weight so far, largest similarity
-  // The dominant motion is that of the candidate which matches most of the window.
+  // The dominant motion is that of the candidate which matches most of the window, times its share of the votes: on
+  // flat ground, whatever is in front matches as well.
   alignas(64) float mismatch[BLOCKS_2X2];
   float matched;
   Motion dominant;
@@ -80,19 +82,46 @@ inline void find_mismatch(const float *mismatch, float down, float across, float
   }
 }
 
+FORCE_INLINE float motion_distance(const Motion &a, const Motion &b) {
+  return max(absolute(a.dx - b.dx), absolute(a.dy - b.dy));
+}
+
+// Raises the mismatch of the ends of a candidate along the dominant motion to that of the luma, times a share: if the
+// candidate moves far, its ends are outside of the window.
+inline void raise_mismatch(float share, Int top, Int left, const Motion &motion, const Motion &dominant, float t,
+                           const PairContext &context, float *front, float *other) {
+  alignas(64) float end[BLOCKS_2X2], along[BLOCKS_2X2];
+  for (int n = 0; n < 2; n++) {
+    // the dominant motion leads from one end, of the candidate in frame n, to this place of the other frame
+    const float ratio = n ? (1 - t) / t : t / (1 - t);
+    Motion moved = motion;
+    moved.dx = dominant.dx - ratio * (motion.dx - dominant.dx);
+    moved.dy = dominant.dy - ratio * (motion.dy - dominant.dy);
+    fetch_luma(1 + n, top, left, motion, t, context, end);
+    fetch_luma(2 - n, top, left, moved, t, context, along);
+    float *mismatch = n ? other : front;
+    for (int i = 0; i < BLOCKS_2X2; i += 16) {
+      const F16 difference = load<F16>(end + i) - load<F16>(along + i);
+      const F16 match = decay(difference * difference, 0, context.luma_scale * FOREGROUND_SCALE, share);
+      store(mismatch + i, max(load<F16>(mismatch + i), share - match));
+    }
+  }
+}
+
 // Writes the factor by which a candidate gains where it shows what is in front of the dominant motion of the window.
 //
 // A thin thing that moves by more than its width leaves no gap in what is behind it: there, both frames agree along
 // either motion, and similarity cannot tell which is in front. But what is seen of the thing in both frames disagrees
 // along the dominant motion, so it must have moved by another, and must be shown. The 2x2 blocks where both ends of a
 // candidate are such blocks are its foreground; it gains where its own match holds over the foreground around.
-inline void find_foreground(float scale, const Motion &motion, float t, CandidateWeights &candidate, NodeSums &sums) {
+inline void find_foreground(float scale, float prior, Int top, Int left, const Motion &motion, float t,
+                            const PairContext &context, CandidateWeights &candidate, NodeSums &sums) {
   alignas(64) float match[BLOCKS_2X2], front[BLOCKS_2X2], other[BLOCKS_2X2];
   float *gain = candidate.gain;
   write_decay(candidate.squared, 0, scale * FOREGROUND_SCALE, 1, match);
   float matched = 0;
   for (int i = 0; i < BLOCKS_2X2; i++) {
-    matched += match[i];
+    matched += prior * match[i];
     gain[i] = 1;
   }
   if (matched > sums.matched) {
@@ -102,12 +131,14 @@ inline void find_foreground(float scale, const Motion &motion, float t, Candidat
     return;
   }
   const float dx = motion.dx - sums.dominant.dx, dy = motion.dy - sums.dominant.dy, curve = t * (1 - t) * 0.5f;
-  const float motion_difference = min(max(absolute(dx), absolute(dy)) - 1, 1.f);
+  const float distance = motion_distance(motion, sums.dominant), motion_difference = min(distance - 1, 1.f);
   if (motion_difference <= 0) return;
   const float bent_x = curve * (motion.acceleration_x - sums.dominant.acceleration_x);
   const float bent_y = curve * (motion.acceleration_y - sums.dominant.acceleration_y);
   find_mismatch(sums.mismatch, (bent_y - t * dy) * 0.5f, (bent_x - t * dx) * 0.5f, front);
   find_mismatch(sums.mismatch, (bent_y + (1 - t) * dy) * 0.5f, (bent_x + (1 - t) * dx) * 0.5f, other);
+  const float share = min((distance - NEAR_MOTION) / (FAR_MOTION - NEAR_MOTION), 1.f);
+  if (share > 0) raise_mismatch(share, top, left, motion, sums.dominant, t, context, front, other);
   for (int i = 0; i < BLOCKS_2X2; i++) {
     const int block =
         2 * (i / BLOCKS_2X2_PER_ROW) / SIDE_8X8 * BLOCKS_8X8_PER_ROW + 2 * (i % BLOCKS_2X2_PER_ROW) / SIDE_8X8;
@@ -187,10 +218,11 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
 }
 
 // Computes the learnt weights of a candidate from its features.
-inline void find_learnt_weights(float prior, const Motion &motion, float t, const Weighting &weighting,
-                                CandidateWeights &candidate, NodeSums &sums) {
+inline void find_learnt_weights(float prior, Int top, Int left, const Motion &motion, float t,
+                                const Weighting &weighting, const PairContext &context, CandidateWeights &candidate,
+                                NodeSums &sums) {
   Logits logits;
-  find_foreground(weighting.scale, motion, t, candidate, sums);
+  find_foreground(weighting.scale, prior, top, left, motion, t, context, candidate, sums);
   sum_features(weighting, candidate.features, logits);
   // What one frame alone shows at half the time is mostly still, or already, hidden near the other one.
   const float near0 = (1 - t) * (1 - t) * (1 - t), near1 = t * t * t;
@@ -211,7 +243,9 @@ inline void find_learnt_weights(float prior, const Motion &motion, float t, cons
 // Weighs the candidates of a node one after the other, and calls `take` after each with its motion and
 // weights; returns the sums of all.
 //
-// The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough.
+// The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough. But
+// the ground matches all over a window that a fast thing crosses between the two frames, so learnt weights do not skip
+// what moves far from the dominant motion.
 template <typename Take>
 FORCE_INLINE NodeSums weigh_candidates(Int row, Int column, const Candidates &candidates, float t,
                                        const Weighting &weighting, const PairContext *context, LayerSamples &full,
@@ -222,12 +256,14 @@ FORCE_INLINE NodeSums weigh_candidates(Int row, Int column, const Candidates &ca
   const Int top = row * candidates.spacing - before, left = column * candidates.spacing - before;
   const Int height = full.planes[0].shape[1], width = full.planes[0].shape[2];
   const NodeCandidates node(candidates, row, column);
+  bool is_enough = false;
   for (Int k = 0; k < node.count; k++) {
     const float prior = node.priors[k];
     if (prior <= 0) continue;
-    if (prior < weighting.min_vote_share * sums.min_weight || sums.min_similarity >= weighting.sufficient_similarity)
-      break;
+    is_enough = is_enough || prior < weighting.min_vote_share * sums.min_weight ||
+                sums.min_similarity >= weighting.sufficient_similarity;
     const Motion motion = node.motions[k];
+    if (is_enough && !(context && motion_distance(motion, sums.dominant) > FAR_MOTION)) continue;
     InsideMarks marks;
     const WindowPlace place = locate_window(top, left, motion, t, height, width, marks);
     sample_layer(full, place, marks, motion, t);
@@ -241,7 +277,7 @@ FORCE_INLINE NodeSums weigh_candidates(Int row, Int column, const Candidates &ca
       const float support = View<const float, 3>(context->support)(row, column, k);
       extract_candidate_features(candidate.squared, weighting.scale, top, left, motion, prior, support, t, *context,
                                  candidate.features);
-      find_learnt_weights(prior, motion, t, weighting, candidate, sums);
+      find_learnt_weights(prior, top, left, motion, t, weighting, *context, candidate, sums);
     } else {
       find_plain_weights(prior, weighting, candidate, sums);
     }

@@ -218,8 +218,7 @@ class MultiHypothesis(Checked):
     def _find_surfaces(self, confidence: np.ndarray, inputs: BlendInput, vectors: RenderedVectors) -> _Surfaces:
         """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
         image0 = inputs.pair.image0
-        image1 = inputs.pair.image1
-        motion = find_surface_motion(image0, image1, inputs.t, vectors)
+        motion = find_surface_motion(image0, inputs.pair.image1, inputs.t, vectors)
         mixed, squared = motion.mix(inputs.full.frame0.coefficients, inputs.full.frame1.coefficients)
         agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight)
         similarity = confidence ** np.float32(1 / CONFIDENCE_POWER)
@@ -268,23 +267,21 @@ class MultiHypothesis(Checked):
     def _find_sources(self, inputs: BlendInput, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that each pixel is taken from, along the motion with the largest weight."""
         pair = inputs.pair
-        t = inputs.t
         size = pair.image0.pixels.shape[:2]
         own_place = np.indices(size, np.float32)[::-1]
         places = np.concatenate([own_place, own_place])
         weights = np.zeros(size, np.float32)
-        find_dominant_motion(inputs.full, t, inputs.candidates, inputs.weighting, weights, places)
+        find_dominant_motion(inputs.full, inputs.t, inputs.candidates, inputs.weighting, weights, places)
         if surfaces is not None:
             follows = surfaces.share > 0.5
             for first, (motion, _) in ((0, surfaces.motion.to_frame0), (2, surfaces.motion.to_frame1)):
                 np.copyto(places[first : first + 2], own_place + np.moveaxis(motion, -1, 0), where=follows)
-        return find_sources(places, (pair.field01.flow, pair.field10.flow), t)
+        return find_sources(places, (pair.field01.flow, pair.field10.flow), inputs.t)
 
     def _blend_inputs(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[BlendInput]:
         """Yield each time with what the kernels read there."""
         image0 = frame_pair.image0
-        image1 = frame_pair.image1
-        full = PlaneGroup(image0.cached(spline_samples)[0], image1.cached(spline_samples)[0], 1, 1)
+        full = PlaneGroup(image0.cached(spline_samples)[0], frame_pair.image1.cached(spline_samples)[0], 1, 1)
         weighting = Weighting(
             0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight,
             self.sharpness,
@@ -294,9 +291,9 @@ class MultiHypothesis(Checked):
             *fusion_coefficients(),
         )
         votes_of_both = collect_votes(frame_pair, self.step)
-        context = None
-        if self.fusion == "learnt":
-            context = find_context(frame_pair, self.step, self.bandwidth, self.sharpness)
+        context = (
+            find_context(frame_pair, self.step, self.bandwidth, self.sharpness) if self.fusion == "learnt" else None
+        )
         for t in times:
             candidates = self._candidates(votes_of_both, image0.pixels.shape[:2], t)
             at_time = None if context is None else context_at(context, t, candidates)
@@ -307,7 +304,6 @@ class MultiHypothesis(Checked):
         frame0 = inputs.pair.image0
         frame1 = inputs.pair.image1
         image0 = frame0.pixels
-        image1 = frame1.pixels
         output, pixels, chroma = view(image0).blank()
         confidence = np.empty(image0.shape[:2] if with_confidence else (0, 0), np.float32)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
@@ -322,7 +318,7 @@ class MultiHypothesis(Checked):
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
-            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), inputs.t)
+            colour_unseen(view(output).array(), frame0.array, frame1.array, inputs.t)
         return output, confidence
 
     def _limit_highlights(self, output: Pixels, inputs: BlendInput, surfaces: _Surfaces | None) -> None:

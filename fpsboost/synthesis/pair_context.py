@@ -37,8 +37,7 @@ def flatness(image: FrameCache, step: int) -> np.ndarray:
     detail = luma - cv2.blur(luma, (5, 5))
     variance = cv2.blur(detail * detail, (5, 5))
     y, x = (places // 2 for places in point_places(image.pixels.shape, step))
-    exponents = variance[np.ix_(y, x)].astype(np.float64) * (-0.5 / FLAT**2)
-    return np.asarray(np.exp(exponents).astype(np.float32))
+    return np.asarray(np.exp(variance[np.ix_(y, x)].astype(np.float64) * (-0.5 / FLAT**2)).astype(np.float32))
 
 
 def find_context(frame_pair: FramePair, step: int, bandwidth: float, sharpness: float) -> PairContext:
@@ -50,22 +49,21 @@ def find_context(frame_pair: FramePair, step: int, bandwidth: float, sharpness: 
     image1 = frame_pair.image1
     before = frame_pair.before
     after = frame_pair.after
-    first = NOTHING if before is None or before.other_light else before.image0.derived(half_luma)
-    second = image0.derived(half_luma)
-    third = image1.derived(half_luma)
-    fourth = NOTHING if after is None or after.other_light else after.image1.derived(half_luma)
-    begin = -before.duration if before else -1
-    end = 1 + after.duration if after else 2
-    times = begin, 0.0, 1.0, end
-    field01 = frame_pair.field01
-    field10 = frame_pair.field10
+    luma = (
+        NOTHING if before is None or before.other_light else before.image0.derived(half_luma),
+        image0.derived(half_luma),
+        image1.derived(half_luma),
+        NOTHING if after is None or after.other_light else after.image1.derived(half_luma),
+    )
+    times = -before.duration if before else -1, 0.0, 1.0, 1 + after.duration if after else 2
+    fields = frame_pair.field01, frame_pair.field10
     points0, points1 = (
         np.dstack([*field.at_points(step), 1 / (1 + field.errors_at_points(step, back)), image.derived(flatness, step)])
-        for image, field, back in ((image0, field01, field10), (image1, field10, field01))
+        for image, field, back in zip((image0, image1), fields, fields[::-1], strict=True)
     )
     nothing = np.empty((0, 0, 0), np.float32)
-    numbers = 3 * 0.5 / bandwidth**2, sharpness
-    return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing, *numbers)
+    scale = 1.5 / bandwidth**2
+    return PairContext(luma, times, (points0, points1), step, nothing, nothing, scale, sharpness)
 
 
 def context_at(context: PairContext, t: float, candidates: Candidates) -> PairContext:

@@ -31,7 +31,6 @@ def collect_votes(frame_pair: FramePair, step: int) -> list[Votes]:
         changes = accelerations_at_points((field, back), away, ratio, step)
         changes[..., 1:] *= share
         vectors, similarities = field.at_points(step)
-        error = field.errors_at_points(step, back)
-        trust = similarities * (1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
+        trust = similarities * (1 / (1 + (field.errors_at_points(step, back) / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
         votes.append(Votes(vectors, motion_gradients(vectors, step), changes, trust))
     return votes

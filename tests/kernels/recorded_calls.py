@@ -74,7 +74,16 @@ def record() -> None:
     for method, kind in CONVERSIONS:
         reason = f"{method}, {kind}"
         converted(method, kind, (31, 40))
-    for reason in ("block", "guided", "level_search", "residual_search", "search", "semi_global", "smooth_motion"):
+    for reason in (
+        "block",
+        "guided",
+        "level_search",
+        "residual_regions",
+        "residual_search",
+        "search",
+        "semi_global",
+        "smooth_motion",
+    ):
         tests = Path(__file__).with_name(f"test_kernels_{reason}.py")
         assert pytest.main(["-p", "no:cacheprovider", "--hypothesis-seed=1", str(tests)]) == 0
     reason, random = "limits", np.random.default_rng(1)

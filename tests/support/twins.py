@@ -90,7 +90,7 @@ def best_offset(scores: Array, sign: int = 1) -> tuple[Array, Array, Array]:
 
 
 def peak_scores(scores: Array) -> Array:
-    """The scores of `patch_scores` at the best fraction of a pixel: a linear peak through both neighbours on an axis."""
+    """The scores of `patch_scores` at the best fraction of a pixel: a linear peak through both neighbours."""
     peaks = scores.copy()
     for axis in (2, 3):
         before, here, after = (np.moveaxis(scores, axis, 0)[n : scores.shape[axis] - 2 + n] for n in range(3))
