@@ -82,7 +82,7 @@ def find_method(method: str | Interpolator, vectors: RenderedVectors | None = No
     ----------
     method : str or Interpolator
         A name from `fpsboost.methods`, or one that needs vectors: ``reproject-image`` or ``reproject-scene``. Options
-        of its estimator and synthesizer may follow: ``nlm:fusion=plain,patch-radius=4``. An object is returned as it
+        of its estimator and synthesizer may follow: ``nlm:fusion=plain,patch-radius=6``. An object is returned as it
         is.
     vectors : RenderedVectors, optional
         Such as a `VectorFolder`.
@@ -96,8 +96,8 @@ def find_method(method: str | Interpolator, vectors: RenderedVectors | None = No
     --------
     >>> find_method("nlm") is methods["nlm"]
     True
-    >>> find_method("nlm:patch-radius=4").estimator.patch_radius
-    4
+    >>> find_method("nlm:patch-radius=6").estimator.patch_radius
+    6
     """
     if isinstance(method, Interpolator):
         return method
@@ -120,8 +120,8 @@ def split_method(text: str) -> tuple[str, dict[str, str]]:
 
     Examples
     --------
-    >>> split_method("nlm:fusion=plain,patch-radius=4")
-    ('nlm', {'fusion': 'plain', 'patch-radius': '4'})
+    >>> split_method("nlm:fusion=plain,patch-radius=6")
+    ('nlm', {'fusion': 'plain', 'patch-radius': '6'})
     """
     name, colon, rest = text.partition(":")
     options = dict[str, str]()

@@ -86,7 +86,7 @@ DECODERS = (
 )
 """FFmpeg's decoders of what people film and render."""
 
-known_digests = {"nlm": "8751163e238a600c", "nlm-fast": "375d2ced63a61e6e"}
+known_digests = {"nlm": "336d3aaf52c5443e", "nlm-fast": "375d2ced63a61e6e"}
 """First digits of the digests of `fpsboost.parts.manifest` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
 
 MAX_ERROR = 4.0

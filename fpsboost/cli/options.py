@@ -62,7 +62,7 @@ METHODS = tuple(name for names in METHOD_KINDS.values() for name in names)
 METHOD_HELP = (
     "Methods: "
     + "; ".join(f"{kind}: {', '.join(names)}".removeprefix(": ") for kind, names in METHOD_KINDS.items())
-    + ".\nOptions of a method follow its name: nlm:fusion=plain,patch-radius=4."
+    + ".\nOptions of a method follow its name: nlm:fusion=plain,patch-radius=6."
 )
 """Text above the options of methods in the help of a conversion."""
 
@@ -88,7 +88,7 @@ class RenderedOptions(Checked):
 
 @dataclass(frozen=True)
 class TuningOptions:
-    """Some options of methods as flags: ``--patch-radius 4`` stands for ``--method nlm:patch-radius=4``.
+    """Some options of methods as flags: ``--patch-radius 6`` stands for ``--method nlm:patch-radius=6``.
 
     Fields are named like those of estimators and synthesizers. Values stay texts here, and are parsed and checked like
     the options after the name of a method. None keeps the method's own value.

@@ -126,7 +126,7 @@ class CoarseToFine(Checked):
     takes_planes: ClassVar[bool] = True
 
     max_motion_share: Annotated[float, Range(above=0, most=1, unit=" of the frame")] = 1 / 6
-    patch_radius: Annotated[int, Range(1, MAX_TILE_PATCH_RADIUS, unit=" pixels")] = 5
+    patch_radius: Annotated[int, Range(1, MAX_TILE_PATCH_RADIUS, unit=" pixels")] = 4
     v: PositiveFloat = 0.09
     labels: PositiveInt = 8
     smoothness: Annotated[float, Range(0)] = 1
