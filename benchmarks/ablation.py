@@ -36,6 +36,7 @@ from scoring import (
 from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.compared_methods import ComparedInterpolator
+from fpsboost.evaluation.further_metrics import choose_metrics
 from fpsboost.evaluation.results import means
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
@@ -235,7 +236,7 @@ def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: in
             continue
         for name, interpolator in variants.items():
             figures[name][clip_name] = score_clip(
-                clip, make_hidden(ComparedInterpolator(interpolator), clip), ["missing"]
+                clip, make_hidden(ComparedInterpolator(interpolator), clip), choose_metrics(["missing"])
             )
     return figures
 

@@ -166,11 +166,11 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
         hashes.setdefault(folders[name], hashlib.sha256()).update(pixels)
         made = make_all(clip, chosen, peers, console)
         scores[name] = {each: score_clip(clip, result, metrics) for each, result in made.items()}
-        console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name], metrics))
+        console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name], list(metrics)))
         if arguments.crops and made:
             write_crops(arguments.crops, clip, made)
     sums = {folder: each.hexdigest() for folder, each in hashes.items()}
-    return {"clips": scores, "metrics": metrics, "folders": folders, "sha256": sums}
+    return {"clips": scores, "metrics": list(metrics), "folders": folders, "sha256": sums}
 
 
 def published_lines(figures: Mapping[str, Any]) -> Iterator[str]:

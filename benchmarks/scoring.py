@@ -17,7 +17,7 @@ from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.evaluation.compared_methods import ComparedMethod
-from fpsboost.evaluation.further_metrics import Meters
+from fpsboost.evaluation.further_metrics import Meters, Metric
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, HoldOut, Interval
 from fpsboost.evaluation.results import low_percentile, mean, means, score
@@ -145,7 +145,7 @@ def make_hidden(method: ComparedMethod, clip: Clip) -> Made:
     return Made([each.image for each in made], mean([each.cpu_seconds for each in made]) * 1e3)
 
 
-def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
+def score_clip(clip: Clip, made: Made, metrics: Mapping[str, Metric]) -> Figures:
     """Mean scores over the frames that count, further metrics, and CPU milliseconds a frame."""
     rows = [asdict(score(clip.hidden[index], made.images[index])) for index in clip.scored]
     return {
@@ -156,7 +156,7 @@ def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
     }
 
 
-def measure_further(clip: Clip, made: Made, metrics: Sequence[str]) -> Figures:
+def measure_further(clip: Clip, made: Made, metrics: Mapping[str, Metric]) -> Figures:
     """Return figures of further metrics over the frames that count, by name."""
     meters = Meters(metrics, clip.rate)
     for hidden, image in zip(meters.passing(iter(clip.intervals)), made.images, strict=True):

@@ -5,12 +5,10 @@ Methods are named with their options, and frames of other tools by folders and c
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 import tempfile
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -19,7 +17,7 @@ from typing import Annotated, NamedTuple
 
 from cyclopts import Group
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
 import fpsboost
@@ -89,25 +87,26 @@ def compare(
         frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates
     )
     others = name_others(method_options.frames_of, method_options.peer)
+    measuring = name_others((), (), results.metric)
     check_several(inputs, method_options, decoding)
     rendered = {clip: method_options.rendered.of_clip(clip) for clip in inputs}
     folders = {clip: each.folder and match_vectors(clip, each.folder) for clip, each in rendered.items()}
     chosen = {clip: choose(method_options.methods, folder, at_cuts, decoding.guide) for clip, folder in folders.items()}
     ours, skipped = chosen[input]
-    if results.fail_under is not None:
-        if not math.isfinite(results.fail_under):
-            raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
-        asked = split_methods(method_options.methods)[0]
-        if ours and asked in skipped:
-            raise OptionError(f"--fail-under checks {asked}, which cannot be run here; name another method first.")
-    metrics = evaluation.choose_metrics(results.metrics)
+    asked = split_methods(method_options.methods)[0]
+    if results.fail_under is not None and ours and asked in skipped:
+        raise OptionError(f"--fail-under checks {asked}, which cannot be run here; name another method first.")
+    metrics = choose_metrics(results.metrics, measuring)
+    other_words = tuple(word for tool in (*others, *measuring) for word in (tool.option, tool.text))
+    cuts = at_cuts.applied_to(fpsboost.find_method("nlm")).cuts
     check_results(results)
     for clip in more:  # the first one is opened below anyway
         next(hold_out.intervals(clip))
     compared = []
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
         for clip in inputs:
-            with Progressing(quiet=results.quiet) as progress:
+            with progress_bar(quiet=results.quiet) as bar:
+                progress = Progressing(bar)
                 ours, skipped = chosen[clip]
                 compared_methods = dict(ours)
                 for tool in others:
@@ -119,13 +118,12 @@ def compare(
                     hold_out,
                     progress,
                     skipped=skipped,
-                    rendered=tuple(words_of_options(rendered[clip])),
-                    others=tuple(word for tool in others for word in (tool.option, f"{tool.name}={tool.value}")),
                     vectors=folders[clip],
-                    cuts=at_cuts.applied_to(fpsboost.find_method("nlm")).cuts,
-                    cut_options=tuple(words_of_options(at_cuts)),
+                    cuts=cuts,
                     metrics=metrics,
                 )
+            words = words_of_options(rendered[clip]), words_of_options(at_cuts)
+            comparison = replace(comparison, others=other_words, rendered=tuple(words[0]), cut_options=tuple(words[1]))
             compared.append(evaluation.ComparedClip(comparison, compared_methods))
             print_comparison(compared[-1], console)
         write_results(compared, results, console)
@@ -163,8 +161,8 @@ def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOp
         means = figure_table("PSNR", f"{len(comparisons)} clips", names, evaluation.mean_rows(comparisons))
         console.print(means, *map(sentence, reasons), sep="\n")
     console.print("PSNR in dB, P5 its 5th percentile; MAE in levels of 255; CPU s of a frame.")
-    for name in comparisons[0].metrics:
-        console.print(sentence(evaluation.metrics[name].meaning))
+    for metric in comparisons[0].metrics.values():
+        console.print(sentence(metric.meaning))
     if results.json is not None:
         evaluation.write_json(Path(results.json), comparisons)
     if results.csv is not None:
@@ -202,16 +200,16 @@ def match_vectors(clip: str, vectors: fpsboost.VectorFolder) -> fpsboost.VectorF
 
 def check_results(results: ResultOptions) -> None:
     """Raise an error if a file or the page cannot be written, or if one lies in the place of another."""
-    taken = list[Path]()
+    taken = set[Path]()
     for path in filter(None, (results.report, results.json, results.csv)):
         if path == results.report:
             check_new_folder(Path(path))
         else:
             check_writable(Path(path), path)
         place = Path(os.path.realpath(path))
-        if {place, place.parent} & set(taken):
+        if {place, place.parent} & taken:
             raise OptionError(f"{path} is already the path of another result; choose another one.")
-        taken.append(place)
+        taken.add(place)
 
 
 def tables(comparison: evaluation.Comparison) -> list[Table]:
@@ -253,24 +251,19 @@ def remarks(clip: evaluation.ComparedClip) -> list[str]:
     return lines
 
 
-class Progressing(ExitStack):
-    """Progress display of a long run on a terminal: the current task, a bar and the time left.
+def progress_bar(*, quiet: bool) -> Progress:
+    """Return a progress display that is seen on a terminal, unless `quiet`, and gone at the end."""
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} frames")
+    hidden = quiet or not console.is_terminal
+    return Progress(*columns, TimeRemainingColumn(compact=True), console=console, transient=True, disable=hidden)
 
-    Parameters
-    ----------
-    quiet : bool
-        Show nothing.
-    """
 
-    def __init__(self, *, quiet: bool) -> None:
-        super().__init__()
-        console = Console(stderr=True)
-        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} frames")
-        time_left = TimeRemainingColumn(compact=True)
-        is_hidden = quiet or not console.is_terminal
-        progress = Progress(*columns, time_left, console=console, transient=True, disable=is_hidden)
-        self._progress = self.enter_context(progress)
-        self._task: TaskID | None = None
+class Progressing:
+    """Progress display of a long run: the current task, a bar and the time left."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
 
     def begin(self, name: str, frames: int | None) -> None:
         """Show a new task of so many frames; None if their number is unknown."""
@@ -278,8 +271,7 @@ class Progressing(ExitStack):
 
     def advance(self) -> None:
         """Count a frame of the current task."""
-        if self._task is not None:
-            self._progress.advance(self._task)
+        self._progress.advance(self._task)
 
 
 def split_methods(texts: Sequence[str]) -> list[str]:
@@ -327,8 +319,10 @@ def choose(
         for text in names if method == "all" else [method]:
             name, options = split_method(text)
             if name not in names:
-                chosen = choose_one(name, [*names, "all"])
-                raise OptionError(f"There is no method {name!r}; {chosen} Other tools are given by --peer or --frames.")
+                raise OptionError(
+                    f"There is no method {name!r}; {choose_one(name, [*names, 'all'])} "
+                    "Other tools are given by --peer or --frames."
+                )
             if name in vector_methods and vectors is None:
                 skipped[text] = "it needs the renderer's motion vectors (--vectors)"
             elif name == evaluation.MINTERPOLATE:
@@ -344,14 +338,27 @@ def choose(
     return compared_methods, skipped
 
 
+def choose_metrics(names: Sequence[str], tools: Sequence[OtherTool]) -> dict[str, evaluation.Metric]:
+    """Return the metrics of ``--metrics`` and of ``--metric`` by name."""
+    metrics = evaluation.choose_metrics(names)
+    for tool in tools:
+        high_is_good = tool.better == ":higher"
+        metrics[tool.name] = evaluation.command_metric(tool.name, tool.value, high_is_good=high_is_good)
+    return metrics
+
+
 class OtherTool(NamedTuple):
-    """Another tool of a comparison, by its option of the command line."""
+    """Another tool of a comparison, which makes frames or measures them, by its option of the command line."""
 
     option: str
-    """``--frames``, or ``--peer``."""
+    """``--frames``, ``--peer`` or ``--metric``."""
     name: str
     value: str
     """Folder of its frames, or its command."""
+    better: str
+    """``:lower`` or ``:higher`` if it measures frames, whichever is better; else empty."""
+    text: str
+    """The option's text as it was given."""
 
     def compared(self, intervals: Iterable[evaluation.Interval], scratch: Path) -> evaluation.ComparedMethod:
         """Return the tool as a method: a folder matched with a clip, or a command, after running it.
@@ -363,19 +370,24 @@ class OtherTool(NamedTuple):
         return evaluation.run_peer(self.name, self.value, intervals, Path(tempfile.mkdtemp(dir=scratch)))
 
 
-def name_others(frames: Sequence[str], peers: Sequence[str]) -> list[OtherTool]:
-    """Parse ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times."""
+def name_others(frames: Sequence[str], peers: Sequence[str], metrics: Sequence[str] = ()) -> list[OtherTool]:
+    """Parse ``--frames NAME=FOLDER``, ``--peer NAME=COMMAND`` and ``--metric NAME:lower=COMMAND``."""
     others = list[OtherTool]()
     taken = {*evaluation.method_names(), "all", "truth"}
-    usages = {"--frames": "NAME=FOLDER", "--peer": "NAME='COMMAND {in} {out}'"}
-    for option, text in [*(("--frames", text) for text in frames), *(("--peer", text) for text in peers)]:
-        name, _, value = (word.strip() for word in text.partition("="))
-        if not (name and value):
-            raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} {usages[option]}.")
-        if name in taken or ":" in name:
-            raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
-        if option == "--peer":
-            evaluation.split_command(name, value)
-        taken.add(name)
-        others.append(OtherTool(option, name, value))
+    for option, usage, texts in (
+        ("--frames", "NAME=FOLDER", frames),
+        ("--peer", "NAME='COMMAND {in} {out}'", peers),
+        ("--metric", "NAME:lower='COMMAND {truth} {made}', or NAME:higher=", metrics),
+    ):
+        for text in texts:
+            about, _, value = (word.strip() for word in text.partition("="))
+            name = about.removesuffix(":lower").removesuffix(":higher")
+            if not (name and value) or (name == about) == (option == "--metric"):
+                raise OptionError(f"{option} {text!r} lacks a name or another part; write {option} {usage}.")
+            if name in taken or ":" in name:
+                raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
+            if option == "--peer":
+                evaluation.split_command("peer", name, value, evaluation.PLACEHOLDERS)
+            taken.add(name)
+            others.append(OtherTool(option, name, value, about.removeprefix(name), text))
     return others

@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from itertools import groupby
-from operator import attrgetter
 from typing import Literal
 
 from rich.console import Console
@@ -49,10 +47,11 @@ def doctor(*, json: OwnFlag = False) -> None:
         names = Column(style="bold", no_wrap=True), Column(style="dim", no_wrap=True)
         values = Column(overflow="fold"), Column(no_wrap=True)
         table = Table(*names, *values, box=None, pad_edge=False, show_header=False)
-        for part, group in groupby(findings, key=attrgetter("part")):
-            for place, finding in enumerate(group):
-                state = "[red]fails[/]" if finding.advice else "[green]ok[/]"
-                table.add_row(part if place == 0 else "", finding.name, literal(finding.value), state)
+        part = ""
+        for finding in findings:
+            state = "[red]fails[/]" if finding.advice else "[green]ok[/]"
+            table.add_row("" if finding.part == part else finding.part, finding.name, literal(finding.value), state)
+            part = finding.part
         out.print(table)
         if not broken:
             out.print("[green]Everything works.[/]")

@@ -250,21 +250,28 @@ class ComparedMethodOptions:
 
 
 @dataclass(frozen=True)
-class ResultOptions:
+class ResultOptions(Checked):
     """Metrics and output files of a comparison."""
 
     metrics: tuple[str, ...] = option(
         (),
-        "Metrics beside PSNR, its 5th percentile (P5), SSIM, MAE,\n"
-        "spurious and missing edges: flip, xpsnr, vmaf, mse,\n"
-        "motion_smoothness, wrong, flicker, steps, psnr_div,\n"
-        "separated by commas; see docs/comparison.md.",
+        "Metrics beside PSNR, its 5th percentile (P5), SSIM,\n"
+        "MAE, spurious and missing edges: flip, xpsnr, vmaf,\n"
+        "psnr_hvs, mse, motion_smoothness, wrong, flicker,\n"
+        "steps, psnr_div, with commas; see docs/comparison.md.",
         metavar="NAMES",
+    )
+    metric: tuple[str, ...] = option(
+        (),
+        "Command that scores images: NAME:lower='tool {truth}\n{made}', or NAME:higher=; see docs/comparison.md.",
+        metavar="NAME=COMMAND",
     )
     report: str | None = option(None, "New folder for the page, index.html.", metavar="DIR")
     json: str | None = option(None, "New JSON file of all results; see docs/comparison.md.", metavar="FILE")
     csv: str | None = option(None, "New CSV file, a row for each method and frame.", metavar="FILE")
-    fail_under: float | None = option(None, "Exit with 3 if the first method's PSNR is lower.", metavar="DB")
+    fail_under: Annotated[float, Range(0, 120)] | None = option(
+        None, "Exit with 3 if the first method's PSNR is lower.", metavar="DB"
+    )
     quiet: bool = option(False, "Print errors only.", short="q")
 
 

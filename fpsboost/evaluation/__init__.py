@@ -9,7 +9,7 @@ writes tables and data, and `report` writes the page. `compare` runs all of it:
 >>> from fpsboost.evaluation import ComparedInterpolator, HoldOut
 >>> compared_methods = {name: ComparedInterpolator(methods[name]) for name in ("nlm", "blend")}
 >>> comparison = compare("clip.mp4", compared_methods, HoldOut(skip=1), observer)  # doctest: +SKIP
->>> comparison.means(comparison.methods[0]).psnr  # doctest: +SKIP
+>>> comparison.means(comparison.methods[0])["psnr"]  # doctest: +SKIP
 
 The names that other packages use are listed in ``__init__.pyi`` and loaded at first use.
 """

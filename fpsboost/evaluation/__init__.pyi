@@ -1,5 +1,6 @@
 """Names of a comparison that the command line uses, by the modules that they are loaded from at first use."""
 
+from .commands import split_command as split_command
 from .compared_methods import MINTERPOLATE as MINTERPOLATE
 from .compared_methods import ComparedInterpolator as ComparedInterpolator
 from .compared_methods import ComparedMethod as ComparedMethod
@@ -13,15 +14,16 @@ from .export import mean_rows as mean_rows
 from .export import named_rows as named_rows
 from .export import write_csv as write_csv
 from .export import write_json as write_json
+from .further_metrics import Metric as Metric
 from .further_metrics import choose_metrics as choose_metrics
-from .further_metrics import metrics as metrics
+from .further_metrics import command_metric as command_metric
 from .hidden_frames import HeldOutFrame as HeldOutFrame
 from .hidden_frames import HoldOut as HoldOut
 from .hidden_frames import Interval as Interval
 from .hidden_frames import parse_range as parse_range
+from .peers import PLACEHOLDERS as PLACEHOLDERS
 from .peers import find_frames as find_frames
 from .peers import run_peer as run_peer
-from .peers import split_command as split_command
 from .report.styles import break_name as break_name
 from .results import ComparedClip as ComparedClip
 from .results import Comparison as Comparison

@@ -9,7 +9,7 @@ import math
 import os
 import platform
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
@@ -22,7 +22,7 @@ from fpsboost import __version__
 from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.compared_methods import ComparedMethod, InterpolatedFrame
-from fpsboost.evaluation.further_metrics import STANDARD, Meters
+from fpsboost.evaluation.further_metrics import STANDARD, Meters, Metric, choose_metrics
 from fpsboost.evaluation.hidden_frames import HoldOut, Interval
 from fpsboost.evaluation.regions import AREAS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, absolute_error, score
@@ -51,12 +51,9 @@ def compare(
     observer: ComparisonObserver,
     *,
     skipped: Mapping[str, str] | None = None,
-    rendered: tuple[str, ...] = (),
-    others: tuple[str, ...] = (),
     vectors: VectorFolder | None = None,
     cuts: CutPolicy | None = CutDetector(),
-    cut_options: tuple[str, ...] = (),
-    metrics: Sequence[str] = (),
+    metrics: Mapping[str, Metric] | None = None,
 ) -> Comparison:
     """Score methods, by name, on the hidden frames of a clip.
 
@@ -72,17 +69,12 @@ def compare(
         Informed about the progress.
     skipped : mapping of str to str, optional
         Methods that cannot be run, with the reason.
-    rendered, others : tuple of str
-        Options of the command line for a renderer's vectors and for other tools' frames, which are kept in the result.
     vectors : VectorFolder, optional
         A renderer's vectors, which give the areas; repeated frames are then not looked for.
     cuts : CutPolicy or None
         Finds the scene cuts between the true frames; None takes everything for one scene.
-    cut_options : tuple of str
-        Options of the command line for scene cuts, which are kept in the result.
-    metrics : sequence of str
-        Names of further metrics, see `fpsboost.evaluation.further_metrics.metrics`; those of `STANDARD` are always
-        measured.
+    metrics : mapping of str to Metric, optional
+        Further metrics by name, see `fpsboost.evaluation.choose_metrics`; those of `STANDARD` are always measured.
 
     Raises
     ------
@@ -100,7 +92,7 @@ def compare(
         hold_out = replace(hold_out, duplicates="keep", counts_frames=True)
     if isinstance(cuts, CutList) and cuts.counts_frames:
         hold_out = replace(hold_out, counts_frames=True)
-    metrics = tuple(dict.fromkeys((*STANDARD, *metrics)))
+    metrics = {**choose_metrics(STANDARD), **(metrics or {})}
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
@@ -137,9 +129,6 @@ def compare(
             "kernels": processor_level(),
             "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
         },
-        rendered=rendered,
-        others=others,
-        cut_options=cut_options,
         times=facts.times,
         repeats=facts.repeats,
         doubtful=doubtful,
@@ -160,15 +149,13 @@ def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair
     doubtful = [number for number in facts.unknown if number not in across_cuts]
     if len(facts.hidden) > len(cuts) + len(doubtful):
         return cuts, doubtful
-    reasons = {
-        f"{len(cuts)} across a scene cut (`no_cuts` takes everything for one scene)": cuts,
-        f"{len(doubtful)} beside repeated frames, in stills or pauses (`duplicates='keep'` takes repeats too)": (
-            doubtful
-        ),
-    }
+    reasons = [f"{len(cuts)} across a scene cut (`no_cuts` takes everything for one scene)"] if cuts else []
+    if doubtful:
+        advice = "`duplicates='keep'` takes repeats too"
+        reasons.append(f"{len(doubtful)} beside repeated frames, in stills or pauses ({advice})")
     raise InputError(
         f"None of the {len(facts.hidden)} frames of {path} that would be hidden can be compared: "
-        f"{' and '.join(reason for reason, frames in reasons.items() if frames)}; choose another part of the clip."
+        f"{' and '.join(reasons)}; choose another part of the clip."
     )
 
 

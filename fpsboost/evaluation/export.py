@@ -7,16 +7,16 @@ import csv
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpsboost.evaluation.further_metrics import STANDARD, Column, Metric, metrics
+from fpsboost.evaluation.further_metrics import STANDARD, choose_metrics
 from fpsboost.evaluation.regions import AREAS
-from fpsboost.evaluation.results import Comparison, mean
+from fpsboost.evaluation.results import Column, Comparison, mean
 from fpsboost.evaluation.verdict import judge, psnr_of_clips
 from fpsboost.io.new_output import write_whole
 
@@ -42,14 +42,15 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as plain data: the frames of every method, and their means."""
     plain = {
         "version": DATA_VERSION,
-        **asdict(comparison),
+        **asdict(replace(comparison, metrics={})),
+        "metrics": list(comparison.metrics),
         "hiding": comparison.hold_out.as_json(),
         "verdict": asdict(judge(comparison)),
     }
     del plain["hold_out"]  # the data keep the name that they have had
     for row, method in zip(plain["methods"], comparison.methods, strict=True):
         row["mean"] = {
-            **comparison.mean_figures(method),
+            **comparison.means(method),
             "metrics": comparison.further(method),
             "inside": {area: comparison.mean_error(method, area) for area in AREAS},
             "outside": {area: comparison.mean_error(method, area, inside=False) for area in AREAS},
@@ -116,7 +117,7 @@ COLUMNS = {
         False,
         "MAE is the mean absolute error over pixels and colours, in levels of 255, whatever the depth of the clip.",
     ),
-    **{name: metrics[name] for name in STANDARD},
+    **choose_metrics(STANDARD),
     "cpu_seconds": Column(
         "CPU time",
         "s a frame",
@@ -126,7 +127,7 @@ COLUMNS = {
     ),
     "seconds": Column("Wall time", "s a frame", 3, False, "Wall time is the time that passes meanwhile."),
 }
-"""Columns of the summary table in its order, by the names of `Comparison.mean_figures` and of the metrics."""
+"""Columns of the summary table in its order, by the names of `Comparison.means` and of the metrics."""
 
 
 class Cell(NamedTuple):
@@ -150,7 +151,7 @@ class Row(NamedTuple):
 
 def named_rows(comparison: Comparison, columns: Mapping[str, Column] = COLUMNS) -> list[Row]:
     """Return the rows of a table of quality and cost, in columns by the names of figures and metrics."""
-    means = [comparison.mean_figures(method) | comparison.further(method) for method in comparison.methods]
+    means = [comparison.means(method) | comparison.further(method) for method in comparison.methods]
     return _ranked_rows(comparison, list(columns.values()), [[each[name] for name in columns] for each in means])
 
 
@@ -163,9 +164,9 @@ def area_rows(comparison: Comparison) -> list[Row]:
     return _ranked_rows(comparison, [COLUMNS["mae"]] * (2 * len(comparison.areas)), figures)
 
 
-def further_columns(comparison: Comparison) -> dict[str, Metric]:
+def further_columns(comparison: Comparison) -> dict[str, Column]:
     """Return the metrics by name that were asked for beside those of the summary table."""
-    return {name: metrics[name] for name in comparison.metrics if name not in COLUMNS}
+    return {name: column for name, column in comparison.metrics.items() if name not in COLUMNS}
 
 
 def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
@@ -177,7 +178,7 @@ def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
 
 def _ranked_rows(comparison: Comparison, columns: Sequence[Column], figures: Sequence[Sequence[float]]) -> list[Row]:
     """Return the rows of a table about one clip, by decreasing PSNR."""
-    psnr = [comparison.means(method).psnr for method in comparison.methods]
+    psnr = [comparison.means(method)["psnr"] for method in comparison.methods]
     return _rows([method.name for method in comparison.methods], columns, figures, psnr)
 
 

@@ -1,181 +1,33 @@
 """Metrics beside PSNR, SSIM and MAE: a table by name, to which a metric is added as one more entry.
 
-Those of `STANDARD` belong to every comparison, and the others are measured where they are asked for.
-
-XPSNR and VMAF are filters of two videos, in the FFmpeg libraries of PyAV. Both use frames before and after, so they get
-the whole output and the whole original, including shown frames; values of those, which are equal, are left out.
-Pictures are YCbCr of 4:4:4, limited range and 8 bits, by the usual matrix for their size.
+Those of `STANDARD` belong to every comparison, and the others are measured where they are asked for. A program of the
+user's measures one too (`command_metric`).
 """
 
-import gc
-import json
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Protocol
 
-import av.filter
 import numpy as np
 
-from fpsboost.colour import as_shown, composite_on_black, has_alpha
-from fpsboost.errors import InputError, OptionError, choose_one
+from fpsboost.colour import as_shown
+from fpsboost.errors import OptionError, choose_one
 from fpsboost.evaluation import steadiness
+from fpsboost.evaluation.commands import PLACEHOLDERS, PicturesMeter, measure_by_command, split_command
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
-from fpsboost.evaluation.results import LEVELS, absolute_error, score
+from fpsboost.evaluation.results import LEVELS, Column, absolute_error, score
 from fpsboost.evaluation.steadiness import FrameMeter
+from fpsboost.evaluation.video_metrics import LibvmafMeter, XpsnrMeter, missing_filter, missing_libvmaf
 from fpsboost.image import Image
-from fpsboost.io.video.ycc import from_bgr
-from fpsboost.media import assumed_color_space, pulled
-
-HIGHEST = 120.0
-"""XPSNR of equal frames, dB, the same as their PSNR; infinity would have no mean."""
-
-PIXEL_FORMAT = "yuv444p"
-"""Pixel format of both videos; deeper ones are misread by ``xpsnr`` (FFmpeg 8.1), which takes rows to be unpadded."""
-
-MULTIPLE = 4
-"""Side of the blocks of ``xpsnr``, pixels; a lone last row or column has far too much weight, and may lie behind it."""
-
-MIN_PIXELS = 2025
-"""Number of pixels of a frame below which ``xpsnr`` chooses blocks of no size, and divides by it."""
-
-MIN_SIDE = 32
-"""Side of a frame below which ``xpsnr`` may see no error, pixels: in a lone column of blocks it sees none."""
-
-
-def missing_filter(name: str) -> str | None:
-    """Return a description of a filter that FFmpeg lacks, for a message; None if it is there."""
-    lacking = f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
-    return None if name in av.filter.filters_available else lacking
-
-
-class _FilterMeter:
-    """Meter by a filter of FFmpeg that compares two videos; values of interpolated frames count.
-
-    It gets every frame. The graph is built for the size of the first one.
-    """
-
-    def __init__(self, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
-        self._clock = Fraction(1, max(1, round(rate)))
-        self._filter_name = filter_name
-        self._options = options
-        self._graph = av.filter.Graph()
-        self._entries: list[av.filter.FilterContext] = []
-        self._counts: list[bool] = []
-
-    def _push(self, first: Image, second: Image, *, counts: bool) -> list[av.VideoFrame]:
-        """Add two frames of one time, and return the pictures that the filter outputs."""
-        height, width = first.shape[:2]
-        if not self._entries:
-            self._build(width, height)
-        for entry, image in zip(self._entries, (first, second), strict=True):
-            if has_alpha(image):  # colours count as far as they are seen, as in the other scores
-                image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
-            picture = from_bgr(image, PIXEL_FORMAT, assumed_color_space(height), full_range=False)
-            picture.pts = len(self._counts)
-            picture.time_base = self._clock
-            entry.push(picture)
-        self._counts.append(counts)
-        return list(pulled(self._graph))
-
-    def _build(self, width: int, height: int) -> None:
-        """Build the graph for frames of a size."""
-        picture = {
-            "video_size": f"{width}x{height}",
-            "pix_fmt": PIXEL_FORMAT,
-            "time_base": str(self._clock),
-            "frame_rate": str(1 / self._clock),
-            "pixel_aspect": "1/1",
-        }
-        comparing = self._graph.add(self._filter_name, **self._options)
-        self._entries = [self._graph.add("buffer", **picture) for _ in range(2)]
-        for place, entry in enumerate(self._entries):
-            entry.link_to(comparing, 0, place)
-        comparing.link_to(self._graph.add("buffersink"))
-        self._graph.configure()
-
-    def _end(self) -> list[av.VideoFrame]:
-        """End both videos, free the graph, and return the last pictures."""
-        for entry in self._entries:
-            entry.push(None)
-        pictures = list(pulled(self._graph)) if self._entries else []
-        self._graph = av.filter.Graph()
-        self._entries = []
-        return pictures
-
-    def _counted(self, values: list[float]) -> list[float]:
-        """Return the values of the frames that count."""
-        return [value for value, counts in zip(values, self._counts, strict=True) if counts]
-
-
-class XpsnrMeter(_FilterMeter):
-    """Meter of XPSNR of luma, dB: PSNR with errors weighted by their visibility.
-
-    Helmrich et al. 2020 (doi:10.1109/ICASSP40776.2020.9054089), in FFmpeg's filter ``xpsnr``: blocks are weighted by
-    the activity of the true video in space and time, in time by second differences from 32 frames per second on. Up to
-    three rows at the bottom and columns at the right are left out, so that the sides are multiples of 4.
-    """
-
-    def __init__(self, rate: Fraction) -> None:
-        super().__init__(rate, "xpsnr", {})
-        self._values: list[float] = []
-
-    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
-        """Add the next frame; raises `InputError` if it is too small for the filter."""
-        height, width = (side - side % MULTIPLE for side in truth.shape[:2])
-        if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
-            raise InputError(
-                f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small for XPSNR, which needs {MIN_SIDE} "
-                f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of `metrics`."
-            )
-        truth, image = (np.ascontiguousarray(each[:height, :width]) for each in (truth, image))
-        self._keep(self._push(truth, image, counts=counts))
-
-    def _keep(self, pictures: list[av.VideoFrame]) -> None:
-        """Store the values of pictures that the filter has output, limited to `HIGHEST`."""
-        self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
-
-    def values(self) -> list[float]:
-        """Return the XPSNR of each frame that counts, dB."""
-        self._keep(self._end())
-        return self._counted(self._values)
-
-
-class VmafMeter(_FilterMeter):
-    """Meter of VMAF, 0 to 100, by Netflix's model ``vmaf_v0.6.1`` in FFmpeg's filter ``libvmaf``.
-
-    It was trained on ratings of compressed videos on a 1080p screen at three times its height.
-    """
-
-    def __init__(self, rate: Fraction) -> None:
-        self._scratch = tempfile.TemporaryDirectory(prefix="fpsboost-")
-        self._log = Path(self._scratch.name, "vmaf.json")
-        super().__init__(rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
-
-    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
-        """Add the next frame."""
-        self._push(image, truth, counts=counts)  # unlike xpsnr, it takes the reference second
-
-    def values(self) -> list[float]:
-        """Return the VMAF of each frame that counts."""
-        self._end()
-        gc.collect()  # libvmaf writes its log when it is freed; PyAV's filters and their graph hold each other
-        values = read_vmaf(self._log.read_text(encoding="utf-8"))
-        self._scratch.cleanup()
-        return self._counted(values)
-
-
-def read_vmaf(log: str) -> list[float]:
-    """Return the VMAF of every frame, in order, from libvmaf's log in JSON."""
-    frames = sorted(json.loads(log)["frames"], key=lambda frame: int(frame["frameNum"]))
-    return [float(frame["metrics"]["vmaf"]) for frame in frames]
-
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae")
 """Metrics that every comparison has; naming one has no effect."""
+
+RESERVED = ("name", "clip", "method", "frame", "t", "counted", "seconds", "cpu_seconds", "search_radius")
+"""Other columns of the data, after which no metric can be named."""
 
 STANDARD = ("spurious", "missing")
 """Those of `metrics` that every comparison has too: they are visible, and PSNR barely registers them."""
@@ -189,22 +41,6 @@ class Meter(Protocol):
 
     def values(self) -> list[float]:
         """Return the metric of every frame that counts; called once, at the end."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """Column of a table with a figure for every method."""
-
-    title: str
-    """Heading."""
-    unit: str
-    """Unit of the numbers; empty if they have none."""
-    digits: int
-    """Decimals of the numbers."""
-    high_is_good: bool
-    """Whether larger numbers are better."""
-    meaning: str
-    """Sentence for a reader of the tables."""
 
 
 @dataclass(frozen=True)
@@ -264,10 +100,20 @@ metrics: dict[str, Metric] = {
         "",
         2,
         True,
-        "VMAF is Netflix's, 0 to 100 for equal, by FFmpeg's filter libvmaf, mean over the made frames; it was trained "
-        "on coded videos and not on frames between others.",
-        VmafMeter,
-        lambda: missing_filter("libvmaf"),
+        "VMAF is Netflix's, 0 to 100 for equal, by libvmaf, mean over the made frames; it was made to judge how videos "
+        "are coded, not frames between others.",
+        lambda rate: LibvmafMeter("vmaf"),
+        missing_libvmaf,
+    ),
+    "psnr_hvs": Metric(
+        "PSNR-HVS",
+        "dB",
+        2,
+        True,
+        "PSNR-HVS is PSNR of what eyes see in blocks of 8x8 (Egiazarian et al. 2006), by libvmaf, mean of decibels "
+        "over the made frames; it was made to judge how pictures are coded, not frames between others.",
+        lambda rate: LibvmafMeter("psnr_hvs"),
+        missing_libvmaf,
     ),
     "mse": Metric(
         "MSE",
@@ -344,8 +190,8 @@ metrics: dict[str, Metric] = {
 """Metrics by name."""
 
 
-def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
-    """Parse names of metrics separated by commas; return those of `metrics`, each once.
+def choose_metrics(texts: Sequence[str]) -> dict[str, Metric]:
+    """Parse names of metrics separated by commas; return those of `metrics` by name, each once.
 
     Raises `OptionError` for an unknown metric, or one that cannot be measured here.
     """
@@ -356,14 +202,45 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
         missing = metrics[name].missing() if name in metrics else None
         if missing is not None:
             raise OptionError(f"`metrics={name}` needs {missing}.")
-    return tuple(dict.fromkeys(name for name in names if name in metrics))
+    return {name: metrics[name] for name in names if name in metrics}
+
+
+def command_metric(name: str, command: str, *, high_is_good: bool) -> Metric:
+    """Return a metric that a program of the user's measures.
+
+    Parameters
+    ----------
+    name : str
+        Name of the metric in tables and data: a word that none of their columns has.
+    command : str
+        Command with ``{truth}`` and ``{made}`` for two folders of pictures, which prints a number for each, or one in
+        all; see `docs/comparison.md`.
+    high_is_good : bool
+        Whether larger numbers are better.
+
+    Raises
+    ------
+    OptionError
+        The name cannot be that of a metric, or the command cannot be parsed.
+
+    Examples
+    --------
+    >>> command_metric("lpips", "python lpips.py {truth} {made}", high_is_good=False).meaning
+    'lpips is what `python lpips.py {truth} {made}` prints, lower is better.'
+    """
+    if name in {*ALWAYS, *metrics, *RESERVED} or not name.isidentifier():
+        raise OptionError(f"`metric` {name!r} is taken, or no word; choose a different name.")
+    words = split_command("metric", name, command, PLACEHOLDERS)
+    meaning = f"{name} is what `{command}` prints, {'higher' if high_is_good else 'lower'} is better."
+    measure = partial(measure_by_command, name, words)
+    return Metric(name, "", 4, high_is_good, meaning, lambda rate: PicturesMeter(measure))
 
 
 class Meters:
     """Meters of one method by the names of its metrics, fed with the output in its order."""
 
-    def __init__(self, names: Sequence[str], rate: Fraction) -> None:
-        self._meters = {name: metrics[name].start(rate) for name in names}
+    def __init__(self, chosen: Mapping[str, Metric], rate: Fraction) -> None:
+        self._meters = {name: metric.start(rate) for name, metric in chosen.items()}
 
     def passing(self, intervals: Iterator[Interval]) -> Iterator[HeldOutFrame]:
         """Yield the hidden frames of a clip in order; each must be passed to `add` before the next one is taken."""

@@ -4,9 +4,6 @@
 """
 
 import os
-import shlex
-import subprocess
-import tempfile
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,16 +12,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, explained
+from fpsboost.evaluation.commands import run_command, split_command, write_frame
 from fpsboost.evaluation.compared_methods import InterpolatedFrame, as_type_of
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.image import Image
-from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.source import find_images
 
 UNKNOWN = float("nan")
 """Time of a tool that was not run here."""
+
+PLACEHOLDERS = "{in}", "{out}"
+"""Placeholders of a command for the folders of the shown frames, and of all."""
 
 
 @dataclass(frozen=True)
@@ -117,17 +117,15 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     OptionError
         The command cannot be parsed.
     """
-    words = split_command(name, command)
+    words = split_command("peer", name, command, PLACEHOLDERS)
     folders = scratch / "in", scratch / "out"
     for folder in folders:
         folder.mkdir()
     places, count, factor, rate = _write_shown(intervals, folders[0])
-    values = {"{in}": str(folders[0]), "{out}": str(folders[1]), "{factor}": str(factor), "{fps}": f"{rate:.10g}"}
-    for placeholder, value in values.items():
-        words = [word.replace(placeholder, value) for word in words]
+    values = {"{factor}": factor, "{fps}": f"{rate:.10g}", **dict(zip(PLACEHOLDERS, folders, strict=True))}
     begin = time.perf_counter()
     begin_cpu = _seconds_of_children()
-    last_line = _run(name, words, scratch)
+    _, last_line = run_command("peer", name, words, values)
     seconds = time.perf_counter() - begin
     cpu_seconds = _seconds_of_children() - begin_cpu
     images = find_images(str(folders[1])).files if any(folders[1].iterdir()) else []
@@ -142,20 +140,6 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     return PeerFrames(files, command, seconds / len(files), cpu_seconds / len(files))
 
 
-def split_command(name: str, command: str) -> list[str]:
-    """Split a peer's command into words; raises `OptionError` if that fails, or ``{in}`` or ``{out}`` is missing."""
-    try:
-        words = shlex.split(command)
-    except ValueError as error:
-        raise OptionError(f"The command of the peer {name} cannot be read ({error}); check its quotes.") from None
-    missing = [each for each in ("{in}", "{out}") if each not in command]
-    if missing:
-        raise OptionError(
-            f"The command of the peer {name} lacks {' and '.join(missing)}; write it like 'tool {{in}} {{out}}'."
-        )
-    return words
-
-
 def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[dict[int, int], int, int, float]:
     """Write the shown frames, and return the output that is expected of the other program.
 
@@ -167,38 +151,11 @@ def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[dict[int,
     for index, interval in enumerate(intervals):
         factor = len(interval.hidden) + 1
         if index == 0:
-            _write(folder, 0, interval.shown0.frame.array)
-        _write(folder, index + 1, interval.shown1.frame.array)
+            write_frame(folder, 0, interval.shown0.frame.array)
+        write_frame(folder, index + 1, interval.shown1.frame.array)
         places |= {hidden.number: index * factor + k for k, hidden in enumerate(interval.hidden, start=1)}
         seconds += float(interval.shown1.time - interval.shown0.time)
     return places, index + 2, factor, (index + 1) / seconds
-
-
-def _write(folder: Path, number: int, image: Image) -> None:
-    """Write a frame as PNG, or as OpenEXR if it is float."""
-    path = folder / f"{number:04d}{'.exr' if image.dtype == np.float32 else '.png'}"
-    if image.shape[2] == 2 and image.dtype != np.float32:  # PNG by OpenCV has no gray with alpha
-        image = image[..., [0, 0, 0, 1]]
-    with explained(InputError, "write to", folder, "free some space there, or name another folder with TMPDIR"):
-        path.write_bytes(encode_image(path, np.ascontiguousarray(image), half=False))
-
-
-def _run(name: str, words: Sequence[str], folder: Path) -> str:
-    """Run a command to its end, and return the last line that it printed."""
-    with tempfile.TemporaryFile(dir=folder) as output:
-        try:
-            process = subprocess.run(
-                words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, check=False
-            )
-        except OSError as error:
-            raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check `peer`.") from None
-        output.seek(0)
-        lines = output.read().decode(errors="replace").strip().splitlines()
-    last_line = lines[-1].strip() if lines else ""
-    if process.returncode:
-        how = f"exit code {process.returncode}" if process.returncode > 0 else f"signal {-process.returncode}"
-        raise InputError(f"The peer {name} failed with {how}: {last_line or 'it printed nothing'}")
-    return last_line
 
 
 def _seconds_of_children() -> float:

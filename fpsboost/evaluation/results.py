@@ -113,6 +113,22 @@ MAX_NAMED = 8
 
 
 @dataclass(frozen=True)
+class Column:
+    """Column of a table with a figure for every method."""
+
+    title: str
+    """Heading."""
+    unit: str
+    """Unit of the numbers; empty if they have none."""
+    digits: int
+    """Decimals of the numbers."""
+    high_is_good: bool
+    """Whether larger numbers are better."""
+    meaning: str
+    """Sentence for a reader of the tables."""
+
+
+@dataclass(frozen=True)
 class FrameResult:
     """Scores of one frame of a method."""
 
@@ -183,8 +199,8 @@ class Comparison:
     `fpsboost.evaluation.hidden_frames.HoldOut`. Means leave them out."""
     clip_frames: int = 0
     """Number of frames from the first shown one to the last."""
-    metrics: tuple[str, ...] = ()
-    """Names of the further metrics, in the order of the tables."""
+    metrics: Mapping[str, Column] = field(default_factory=dict)
+    """Further metrics by name, in the order of the tables."""
 
     @property
     def areas(self) -> list[tuple[str, str]]:
@@ -194,36 +210,34 @@ class Comparison:
     @property
     def uneven(self) -> list[int]:
         """Hidden frames that do not divide the time between the shown ones evenly."""
-        steps = self.hold_out.skip + 1
-        even = [(place % self.hold_out.skip + 1) / steps for place in range(len(self.hidden))]
-        return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
+        skip = self.hold_out.skip
+        timed = enumerate(zip(self.hidden, self.times, strict=False))
+        return [number for place, (number, t) in timed if t != (place % skip + 1) / (skip + 1)]
 
     def counted(self, method: MethodResult) -> list[FrameResult]:
         """Return the frames of a method that count."""
         left_out = {*self.cuts, *self.doubtful}
         return [frame for frame in method.frames if frame.number not in left_out]
 
-    def means(self, method: MethodResult) -> Scores:
-        """Return the mean scores of a method; PSNR as the mean of decibels, as benchmarks have it."""
-        return Scores(**means([asdict(frame.scores) for frame in self.counted(method)]))
+    def means(self, method: MethodResult) -> dict[str, float]:
+        """Return the mean scores and seconds of a method by name, and the 5th percentile of its PSNR, ``psnr_p5``.
 
-    def mean_figures(self, method: MethodResult) -> dict[str, float]:
-        """Return the mean scores and seconds of a method by name, and the 5th percentile of its PSNR, ``psnr_p5``."""
-        low_psnr = low_percentile([frame.scores.psnr for frame in self.counted(method)])
-        return {**asdict(self.means(method)), "psnr_p5": low_psnr, **self.mean_seconds(method)}
+        PSNR is the mean of decibels, as benchmarks have it; unknown seconds are NaN.
+        """
+        frames = self.counted(method)
+        scores = means([asdict(frame.scores) for frame in frames])
+        low_psnr = low_percentile([frame.scores.psnr for frame in frames])
+        seconds = means([{name: getattr(frame, name) for name in TIMES} for frame in frames])
+        return {**scores, "psnr_p5": low_psnr, **seconds}
 
     def further(self, method: MethodResult) -> dict[str, float]:
         """Return the further metrics of a method by name, means over the frames that count."""
         return means([frame.metrics for frame in self.counted(method)])
 
-    def mean_seconds(self, method: MethodResult) -> dict[str, float]:
-        """Return the mean ``seconds`` and ``cpu_seconds`` of a method per frame; NaN if unknown."""
-        return means([{name: getattr(frame, name) for name in TIMES} for frame in self.counted(method)])
-
     @property
     def known_times(self) -> dict[str, str]:
         """Entries of `TIMES` that are known for at least one method."""
-        of_methods = [self.mean_seconds(method) for method in self.methods]
+        of_methods = [self.means(method) for method in self.methods]
         return {name: title for name, title in TIMES.items() if any(np.isfinite(each[name]) for each in of_methods)}
 
     def mean_error(self, method: MethodResult, area: str, inside: bool = True) -> float:

@@ -89,7 +89,7 @@ def judge(comparison: Comparison) -> Verdict:
 def _cpu_seconds(comparison: Comparison) -> dict[str, float]:
     """Return the CPU time of each method for the whole range, seconds; NaN if unknown."""
     count = (comparison.clip_frames - 1) * comparison.hold_out.skip
-    return {each.name: comparison.mean_seconds(each)["cpu_seconds"] * count for each in comparison.methods}
+    return {each.name: comparison.means(each)["cpu_seconds"] * count for each in comparison.methods}
 
 
 def _cheapest(best: str, ahead: Sequence[Difference], seconds: Mapping[str, float]) -> str:
@@ -206,7 +206,7 @@ def listed(words: Sequence[str]) -> str:
 def psnr_of_clips(comparisons: Sequence[Comparison]) -> dict[str, list[float]]:
     """Return the mean PSNR of every method on each clip, dB, by the names of the methods in their order."""
     return {
-        method.name: [comparison.means(comparison.methods[place]).psnr for comparison in comparisons]
+        method.name: [comparison.means(comparison.methods[place])["psnr"] for comparison in comparisons]
         for place, method in enumerate(comparisons[0].methods)
     }
 

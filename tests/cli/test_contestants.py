@@ -119,3 +119,29 @@ def test_vectors_go_to_all_that_take_them():
     assert (searching.vectors, searching.v) == (folder, 0.1)
     assert reprojecting.vectors is folder
     assert not hasattr(default, "vectors")
+
+
+def test_a_metric_says_which_numbers_are_better():
+    """Between its name and the command, which may hold anything."""
+    texts = ["a:lower=x {truth} {made}", " b:higher = y=':' {truth} {made} "]
+    tools = name_others((), (), texts)
+    assert [(tool.name, tool.better, tool.value, tool.text) for tool in tools] == [
+        ("a", ":lower", "x {truth} {made}", texts[0]),
+        ("b", ":higher", "y=':' {truth} {made}", texts[1]),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("texts", "sentence"),
+    [
+        (["a=x {truth} {made}"], "'a=x {truth} {made}' lacks a name or another part; write --metric NAME:lower="),
+        (["a:best=x"], "lacks a name or another part"),
+        ([":lower=x"], "lacks a name or another part"),
+        (["a:lower="], "lacks a name or another part"),
+        (["a:lower=x", "a:higher=y"], "'a' is the name of another"),
+    ],
+)
+def test_a_metric_that_says_too_little_is_one_sentence(texts, sentence):
+    """It shows how to write one."""
+    with pytest.raises(OptionError, match=sentence):
+        name_others((), (), texts)

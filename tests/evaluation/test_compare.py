@@ -74,16 +74,16 @@ def test_a_comparison_knows_who_is_better(folder):
     comparison = compare(folder, ours("dis", "blend"), HoldOut(), observer, skipped={"other": "it is not there"})
     dis, blend = comparison.methods
     assert comparison.hidden == [1, 3, 5] == [frame.number for frame in dis.frames]
-    assert comparison.means(dis).psnr > comparison.means(blend).psnr + 5
-    assert comparison.means(dis).mae < comparison.means(blend).mae
+    assert comparison.means(dis)["psnr"] > comparison.means(blend)["psnr"] + 5
+    assert comparison.means(dis)["mae"] < comparison.means(blend)["mae"]
     assert comparison.shares["moving"] > 0.9
-    assert comparison.mean_error(blend, "moving") == pytest.approx(comparison.means(blend).mae, rel=0.2)
+    assert comparison.mean_error(blend, "moving") == pytest.approx(comparison.means(blend)["mae"], rel=0.2)
     assert comparison.cuts == []
     assert all(frame.seconds > 0 for frame in dis.frames)
     assert observer.told == [("reading", None), *FRAMES, ("dis", 3), *FRAMES, ("blend", 3), *FRAMES]
     plain = json.loads(json.dumps(as_json(comparison), allow_nan=False))
     assert plain["skipped"] == {"other": "it is not there"}
-    assert plain["methods"][0]["mean"]["psnr"] == pytest.approx(comparison.means(dis).psnr)
+    assert plain["methods"][0]["mean"]["psnr"] == pytest.approx(comparison.means(dis)["psnr"])
     assert len(plain["methods"][1]["frames"]) == 3
 
 
@@ -383,7 +383,7 @@ def comparison():
         MethodResult("other, tool", "images", [frame(number, np.nan) for number in (1, 3, 5)]),
     ]
     shares = dict.fromkeys(AREAS, 0.3)
-    more = {"times": [0.5, 0.25, 0.5], "clip_frames": 7, "metrics": tuple(metrics)}
+    more = {"times": [0.5, 0.25, 0.5], "clip_frames": 7, "metrics": metrics}
     return Comparison("clip", "8x8", HoldOut(), [1, 3, 5], [5], shares, methods, {}, **more)
 
 

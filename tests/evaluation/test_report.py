@@ -67,8 +67,8 @@ def test_page_holds_every_method(text, comparison):
         scores = comparison.means(method)
         row = re.search(rf'<tr data-method="{index}">.*?</tr>', text, re.DOTALL)
         assert method.name in row[0]
-        assert f">{scores.psnr:.2f}<" in row[0]
-        assert f">{scores.ssim:.4f}<" in row[0]
+        assert f">{scores['psnr']:.2f}<" in row[0]
+        assert f">{scores['ssim']:.4f}<" in row[0]
         assert (
             text.count(f'class="series line method-{index}" data-method="{index}"') == 12
         )  # 4 figures of quality and 2 of time, 2 forms
@@ -149,8 +149,8 @@ def test_frames_shown_are_those_that_were_scored(comparison):
     def has_level(uri, number):
         return np.allclose(decoded(uri), 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
-    for frame in _view_frames(ComparedClip(scored, compared_methods), choose_frames(scored))[0]:
-        assert has_level(frame.strips[0].crops[1].uri, frame.number)
+    for number, strips in _view_frames(ComparedClip(scored, compared_methods), choose_frames(scored))[0].items():
+        assert has_level(strips[0].crops[1].uri, number)
     played = view_passages(ComparedClip(scored, compared_methods), [scored.hidden[1:3]])
     hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
     assert [frame["number"] for frame in hidden] == scored.hidden[1:3]
@@ -300,8 +300,8 @@ def test_a_guide_is_shown_beside_what_follows_it(guided):
             else:
                 small = cv2.resize(guide, guide_of_frame.shape[1::-1], interpolation=cv2.INTER_AREA)
                 assert np.abs(small - guide_of_frame.astype(float)).mean() < 4
-    sections, _ = _view_frames(guided, {1: ["the worst"], 3: ["the best"]})
-    crops = [[picture.name for picture in section.strips[0].crops] for section in sections]
+    strips, _ = _view_frames(guided, [1, 3])
+    crops = [[picture.name for picture in first.crops] for first, *_ in strips.values()]
     assert crops == [["truth", "guide", "blend", "blend+guide"], ["truth", "blend", "blend+guide"]]
 
 

@@ -5,7 +5,7 @@ Nothing in a figure has a colour of its own: what belongs to a method has the cl
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,16 +45,6 @@ class Form(NamedTuple):
 
 
 FORMS = (Form("wide", 835, 281, 9.4, 12), Form("narrow", 338, 266, 10.6, 6))  # for a screen and for a phone
-
-
-class Dot(NamedTuple):
-    """Position of one method in a scatter plot."""
-
-    method: int  # place among the methods, by which the page colours it
-    x: float
-    """Time per frame, seconds."""
-    y: float
-    """PSNR, dB."""
 
 
 class Axis(NamedTuple):
@@ -100,9 +90,9 @@ class Curve(NamedTuple):
     """Line of a method, or its dot."""
 
     method: int
-    path: str
-    """Data of the line's SVG path."""
-    marks: list[tuple[float, float]]
+    points: list[list[float]]
+    """Points of the line; it is interrupted where one is not finite."""
+    marks: list[list[float]]
     """Positions of its marks."""
 
 
@@ -122,14 +112,6 @@ class Chart(NamedTuple):
     cuts: Sequence[int] = ()
     """Frames that are marked, as they do not count."""
 
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, top, width and height of the axes, shares of the figure."""
-        width = self.form.width
-        height = self.form.height
-        sides = self.x.start / width, self.y.end / height
-        return *sides, (self.x.end - self.x.start) / width, (self.y.start - self.y.end) / height
-
 
 def draw_lines(
     label: str,
@@ -146,13 +128,12 @@ def draw_lines(
     `cuts` do not count: they are marked, and their values left out. The axis may be logarithmic where the values differ
     much; it spans at most `WIDEST`.
     """
-    counted = ~np.isin(numbers, cuts)
-    values = [np.where(counted, np.asarray(each, float), np.nan) for each in series]
-    finite = [each[np.isfinite(each)] for each in values]
-    medians = [float(np.median(each)) for each in finite if each.size]
-    lowest = float(np.concatenate(finite).min())
-    highest = float(np.concatenate(finite).max())
-    is_logarithmic = may_be_logarithmic and lowest > 0 and max(medians) > MAGNITUDE * min(medians)
+    values = np.where(np.isin(numbers, cuts), np.nan, np.array(series, float))
+    known = values[np.isfinite(values).any(axis=1)]
+    medians = np.nanmedian(known, axis=1)
+    lowest = float(np.nanmin(known))
+    highest = float(np.nanmax(known))
+    is_logarithmic = may_be_logarithmic and lowest > 0 and bool(medians.max() > MAGNITUDE * medians.min())
     if is_logarithmic:
         label = f"{label}, logarithmic"
         y = Axis(max(lowest, highest / WIDEST) / 1.5, highest * 1.5, is_logarithmic)
@@ -162,48 +143,48 @@ def draw_lines(
         y = Axis(bottom if from_zero else bottom - spare, highest + spare)
     spare = max(0.5, 0.015 * (numbers[-1] - numbers[0]))
     x = Axis(numbers[0] - spare, numbers[-1] + spare)
-    charts = []
-    for form in FORMS:
-        chart = _laid_out(form, label, "frame", x, y)
+
+    def draw(chart: Chart) -> list[Curve]:
         across = chart.x.at(np.array(numbers))
-        curves = [_line(method, across, chart.y.at(of_method)) for method, of_method in enumerate(values)]
-        charts.append(chart._replace(curves=curves, cuts=cuts))
-    return charts
+        return [_line(method, across, chart.y.at(of_method)) for method, of_method in enumerate(values)]
+
+    return _laid_out(label, "frame", x, y, draw, cuts)
 
 
 def _line(method: int, x: np.ndarray, y: np.ndarray) -> Curve:
-    """Return the line of a method through points, interrupted where one is not finite."""
-    points = [(round(across, 2), round(down, 2)) for across, down in zip(x.tolist(), y.tolist(), strict=True)]
-    path = ""
-    command = "M"
-    for across, down in points:
-        if math.isfinite(down):
-            path += f"{command}{across} {down}"
-        command = "L" if math.isfinite(down) else "M"
+    """Return the line of a method through points."""
+    points = np.column_stack([x, y]).round(2).tolist()
     step = len(points) // MARKS_OF_A_LINE if len(points) > MARKED_FRAMES else 1
     first = method * step // MARKS % step  # not all at the same frames
-    return Curve(method, path, [point for point in points[first::step] if math.isfinite(point[1])])
+    return Curve(method, points, [point for point in points[first::step] if math.isfinite(point[1])])
 
 
-def draw_dots(label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
-    """Draw one dot per method, with logarithmic x, in every form; `across` is the label of x."""
-    times = [dot.x for dot in dots]
-    values = [dot.y for dot in dots]
+def draw_dots(label: str, across: str, dots: Sequence[tuple[int, float, float]]) -> list[Chart]:
+    """Draw one dot per method, with logarithmic x, in every form; `across` is the label of x.
+
+    A dot is the index of its method, by which the page colours it, and its x and y.
+    """
+    _, times, values = zip(*dots, strict=True)
     x = Axis(min(times) / 1.6, max(times) * 1.6, is_logarithmic=True)
     spare = 0.18 * ((max(values) - min(values)) or 1.0)
     y = Axis(min(values) - spare, max(values) + spare)
+
+    def draw(chart: Chart) -> list[Curve]:
+        return [Curve(method, [], [[float(chart.x.at(x)), float(chart.y.at(y))]]) for method, x, y in dots]
+
+    return _laid_out(label, across, x, y, draw)
+
+
+def _laid_out(
+    label: str, across: str, x: Axis, y: Axis, draw: Callable[[Chart], list[Curve]], cuts: Sequence[int] = ()
+) -> list[Chart]:
+    """Return a chart in every form, whose axes have room for their labels and for the title."""
+    y_labels = y.labels(9)
     charts = []
     for form in FORMS:
-        chart = _laid_out(form, label, across, x, y)
-        curves = [Curve(dot.method, "", [(float(chart.x.at(dot.x)), float(chart.y.at(dot.y)))]) for dot in dots]
-        charts.append(chart._replace(curves=curves))
+        left = form.text * WIDTH * max(len(f"{each:g}") for each in y_labels) + 7
+        placed = x._replace(start=left, end=form.width - 6)
+        risen = y._replace(start=form.height - 2 * LINE * form.text - 10, end=LINE * form.text + 9)
+        chart = Chart(form, label, across, placed, risen, x.labels(form.x_labels, 1), y_labels, [], cuts)
+        charts.append(chart._replace(curves=draw(chart)))
     return charts
-
-
-def _laid_out(form: Form, label: str, across: str, x: Axis, y: Axis) -> Chart:
-    """Return a chart without curves, whose axes have room for their labels and for the title."""
-    y_labels = y.labels(9)
-    left = form.text * WIDTH * max(len(f"{each:g}") for each in y_labels) + 7
-    x = x._replace(start=left, end=form.width - 6)
-    y = y._replace(start=form.height - 2 * LINE * form.text - 10, end=LINE * form.text + 9)
-    return Chart(form, label, across, x, y, x.labels(form.x_labels, 1), y_labels, [])

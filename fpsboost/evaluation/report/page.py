@@ -6,7 +6,7 @@ The page shows the data of a `Comparison`; frames are interpolated again to be s
 import math
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from statistics import median
@@ -23,9 +23,9 @@ from fpsboost.evaluation.export import (
     named_rows,
     without_nan,
 )
-from fpsboost.evaluation.further_metrics import STANDARD, metrics
+from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
-from fpsboost.evaluation.report.charts import Chart, Dot, draw_dots, draw_lines
+from fpsboost.evaluation.report.charts import Chart, draw_dots, draw_lines
 from fpsboost.evaluation.report.pictures import (
     MAX_DRAWN_ERROR,
     MAX_EXACT_PIXELS,
@@ -40,11 +40,10 @@ from fpsboost.evaluation.report.pictures import (
     view_passages,
 )
 from fpsboost.evaluation.report.styles import styles_of
-from fpsboost.evaluation.results import TIMES, ComparedClip, Comparison
-from fpsboost.evaluation.verdict import judge, judge_all, listed
+from fpsboost.evaluation.results import TIMES, Column, ComparedClip, Comparison
+from fpsboost.evaluation.verdict import judge, judge_all
 from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
-from fpsboost.media import counted
 from fpsboost.pages import templates_of
 
 PAGE = "index.html"
@@ -52,9 +51,6 @@ PAGE = "index.html"
 
 DIFFERENT = "where the methods differ most"
 """Reason for which a frame is shown."""
-
-TABLED_FRAMES = 400
-"""Number of hidden frames up to which the page has a table of all."""
 
 
 class Plot(NamedTuple):
@@ -66,15 +62,6 @@ class Plot(NamedTuple):
     unit: str
     charts: list[Chart]
     """The figure in every form."""
-
-
-class FrameSection(NamedTuple):
-    """A frame on the page."""
-
-    title: str
-    number: int
-    strips: list[Strip]
-    """Close-ups of the frame."""
 
 
 def write_report(folder: Path, clips: Sequence[ComparedClip]) -> Path:
@@ -90,9 +77,10 @@ def make_page(clips: Sequence[ComparedClip]) -> str:
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
+    styles = styles_of([method.name for method in comparisons[0].methods])
     bodies = [
         environment.get_template("clip.html.j2").render(
-            _clip_values(each, f"-{number}" if number > 1 else "", len(clips)), date=written
+            _clip_values(each, f"-{number}" if number > 1 else "", len(clips)), date=written, styles=styles
         )
         for number, each in enumerate(clips, 1)
     ]
@@ -101,12 +89,11 @@ def make_page(clips: Sequence[ComparedClip]) -> str:
         command_name="compare",
         name=_name_of(one) if one else f"{len(clips)} clips",
         names=[_name_of(each) for each in comparisons],
-        outcome=(judge(one).sentences if one else judge_all(comparisons))[0],
-        means_sentences=[] if one else judge_all(comparisons)[1:],
+        sentences=judge(one).sentences if one else judge_all(comparisons),
         has_times=bool(comparisons[0].known_times),
         means=mean_rows(comparisons),
         bodies=[Markup(each) for each in bodies],
-        styles=styles_of([method.name for method in comparisons[0].methods]),
+        styles=styles,
     )
 
 
@@ -121,7 +108,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     choices = choose_frames(comparison)
     first = next(iter(choices))
     opening = next((number for number, reasons in choices.items() if DIFFERENT in reasons), first)
-    sections, motion = _view_frames(each, choices)
+    strips, motion = _view_frames(each, choices)
     count = count_for(comparison, MAX_PIXELS // clips)
     passages = choose_passages(comparison, count, list(choices))
     exact = choose_exact(comparison, [*dict.fromkeys([opening, first])], MAX_EXACT_PIXELS // clips)
@@ -131,51 +118,41 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "at": at,
         "comparison": comparison,
         "name": _name_of(comparison),
-        "hidden": describe_hidden(comparison),
         "verdict": judge(comparison),
         "notes": each.notes(),
         "columns": COLUMNS.values(),
         "overall": named_rows(comparison),
-        "meanings": [metrics[name].meaning for name in STANDARD],
-        "areas": comparison.areas,
         "by_area": area_rows(comparison),
         "further_metrics": further_columns(comparison).values(),
         "further": named_rows(comparison, further_columns(comparison)),
-        "plots": frame_plots(comparison),
-        "timing": time_plots(comparison),
+        "plots": frame_plots(comparison, {"psnr": COLUMNS["psnr"], "mae": COLUMNS["mae"], **comparison.metrics}),
+        "timing": frame_plots(comparison, {name: COLUMNS[name] for name in comparison.known_times}),
         "quality": quality_plots(comparison),
         "values": frame_values(comparison),
         "shared_out": shared_out(comparison),
-        "tabled": len(comparison.hidden) <= TABLED_FRAMES,
-        "sections": sections,
+        "choices": choices,
+        "different": DIFFERENT,
+        "strips": strips,
         "motion": motion,
         "exact": exact,
         "played": played,
         "plays_all": len(passages) == 1 and len(passages[0]) == len(comparison.hidden),
         "command": command(comparison),
-        "is_float": comparison.kind.endswith("float"),
-        "styles": styles_of([method.name for method in comparison.methods]),
         "brightest": MAX_DRAWN_ERROR,
     }
 
 
-def _view_frames(
-    clip: ComparedClip, choices: Mapping[int, Sequence[str]]
-) -> tuple[list[FrameSection], MotionView | None]:
-    """Return views of the frames of `choose_frames`, and of the motion at the first of them."""
+def _view_frames(clip: ComparedClip, choices: Collection[int]) -> tuple[dict[int, list[Strip]], MotionView | None]:
+    """Return close-ups of chosen frames by their numbers, and the motion at the first of them."""
     comparison = clip.comparison
     images: dict[int, dict[str, Image]] = {number: {} for number in choices}
     for name, compared_method in clip.compared_methods.items():
         for frame in compared_method.interpolate(comparison.hold_out.intervals(comparison.clip), choices):
             images[frame.number][name] = frame.image
     samples = read_samples(comparison.clip, comparison.hold_out, choices)
-    of_first = comparison.methods[0].name
-    sections = [
-        FrameSection(_title(number, reasons, of_first), number, view_frame(samples[number], images[number]))
-        for number, reasons in choices.items()
-    ]
+    strips = {number: view_frame(samples[number], images[number]) for number in choices}
     first = next(iter(choices))
-    return sections, view_motion(samples[first], images[first], clip.compared_methods)
+    return strips, view_motion(samples[first], images[first], clip.compared_methods)
 
 
 def choose_frames(comparison: Comparison) -> dict[int, list[str]]:
@@ -198,52 +175,18 @@ def choose_frames(comparison: Comparison) -> dict[int, list[str]]:
     return {number: [why for why, which in reasons.items() if which == number] for number in reasons.values()}
 
 
-def _title(number: int, reasons: Sequence[str], first: str) -> str:
-    """Return the heading of a chosen frame; `first` is the name of the first method."""
-    places = [reason for reason in reasons if reason != DIFFERENT]
-    of_first = [f"{listed(places)} of {first}"] if places else []
-    return f"Frame {number}: {listed(of_first + [each for each in reasons if each == DIFFERENT])}"
-
-
-def describe_hidden(comparison: Comparison) -> str:
-    """Return a sentence on which frames were hidden."""
-    skip = comparison.hold_out.skip
-    each = "one was" if skip == 1 else f"{skip} were"
-    frames = counted(len(comparison.hidden), "frame")
-    return f"Between every two frames shown, {each} hidden: {frames} of {comparison.kind}."
-
-
-def frame_plots(comparison: Comparison) -> list[Plot]:
-    """Return the quality of every frame, in several figures to choose from.
-
-    The first is the one that verdicts go by.
-    """
-    choices = [
-        ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
-        ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
-    ]
-    for name in comparison.metrics:
-        metric = metrics[name]
-        label = f"{metric.title}, {metric.unit}" if metric.unit else metric.title
-        label += " (higher is better)" if metric.high_is_good else ""
-        choices.append((name, metric.title, metric.unit, label, {"from_zero": not metric.high_is_good}))
-    return [
-        Plot(key, title, unit, _frame_charts(comparison, key, label, **how)) for key, title, unit, label, how in choices
-    ]
-
-
-def time_plots(comparison: Comparison) -> list[Plot]:
-    """Return the time of every frame by each clock that is known."""
-    return [
-        Plot(key, title, "s", _frame_charts(comparison, key, f"{title}, s a frame", may_be_logarithmic=True))
-        for key, title in comparison.known_times.items()
-    ]
-
-
-def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> list[Chart]:
-    """Return charts of a value of every frame, by its name in the data."""
-    series = [each[key] for each in frame_values(comparison)["methods"]]
-    return draw_lines(label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
+def frame_plots(comparison: Comparison, columns: Mapping[str, Column]) -> list[Plot]:
+    """Return figures of every frame to choose from, by their names in the data."""
+    values = frame_values(comparison)["methods"]
+    plots = []
+    for name, column in columns.items():
+        label = f"{column.title}, {column.unit}" if column.unit else column.title
+        label += " (higher is better)" if column.high_is_good else ""
+        series = [each[name] for each in values]
+        how = {"from_zero": not column.high_is_good, "may_be_logarithmic": name in {"mae", *TIMES}}
+        charts = draw_lines(label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
+        plots.append(Plot(name, column.title, column.unit, charts))
+    return plots
 
 
 def shared_out(comparison: Comparison) -> list[str]:
@@ -252,7 +195,7 @@ def shared_out(comparison: Comparison) -> list[str]:
         method.name
         for method in comparison.methods
         if method.name.partition(":")[0].removesuffix("+guide") not in {*method_names()} - {MINTERPOLATE}
-        and math.isfinite(comparison.mean_seconds(method)["seconds"])
+        and math.isfinite(comparison.means(method)["seconds"])
     ]
 
 
@@ -260,11 +203,8 @@ def quality_plots(comparison: Comparison) -> list[Plot]:
     """Return quality against time, one dot per method, by each clock that is known."""
     plots = []
     for key, title in comparison.known_times.items():
-        dots = [
-            Dot(index, seconds, comparison.means(method).psnr)
-            for index, method in enumerate(comparison.methods)
-            if math.isfinite(seconds := comparison.mean_seconds(method)[key])
-        ]
+        means = [comparison.means(method) for method in comparison.methods]
+        dots = [(index, each[key], each["psnr"]) for index, each in enumerate(means) if math.isfinite(each[key])]
         charts = draw_dots("PSNR, dB (higher is better)", f"{title}, s a frame (farther left is faster)", dots)
         plots.append(Plot(key, title, "", charts))
     return plots
@@ -295,7 +235,7 @@ def command(comparison: Comparison) -> str:
     names = [name for name in names if name.partition(":")[0] in known]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
     words += comparison.hold_out.as_options()
-    if further := further_columns(comparison):
+    if further := [name for name in further_columns(comparison) if name in metrics]:
         words += ["--metrics", ",".join(further)]
     return shlex.join([*words, *comparison.others, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
 

@@ -6,7 +6,6 @@ A passage is the true frames of a part of the clip, and those of each method, in
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from statistics import median
 from typing import Any, NamedTuple
 
 import cv2
@@ -34,8 +33,6 @@ from fpsboost.synthesis import FusesHypotheses
 
 MIN_CROP = 48
 """Smallest side of a crop, pixels; a tenth of the frame's width if that is more."""
-WHEEL = 160
-"""Side of the colour wheel, pixels."""
 ARROWS = 30
 """Number of arrows along the longer side of a frame."""
 
@@ -74,8 +71,6 @@ class Spot(NamedTuple):
 class Strip:
     """One spot in the truth, in the guide if there is one, and in the frame of every method."""
 
-    letter: str
-    """Letter that marks the spot on the page."""
     spot: Spot
     crops: list[Picture]
     """The spot in each of these."""
@@ -87,10 +82,8 @@ class MotionPicture:
 
     picture: Picture
     """Direction as hue, length as saturation."""
-    arrows: str
-    """SVG path of the shafts, in pixels of the frame."""
-    tips: str
-    """SVG path of their tips."""
+    arrows: list[tuple[float, ...]]
+    """Its arrows; see `arrows_of`."""
     longest: float
     """Longest motion, pixels."""
 
@@ -109,8 +102,6 @@ class MotionView:
     """Height of the frame, pixels."""
     shown: str
     """The earlier shown frame, encoded."""
-    wheel: str
-    """The legend of colours, encoded."""
     edge: float
     """Motion at the wheel's edge, pixels."""
     stretch: float
@@ -129,13 +120,14 @@ def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
         unscored["guide"] = enlarged_guide(sample.hidden)
     errors = [absolute_error(truth, image) for image in frames.values()]
     strips = []
-    for letter, spot in zip("AB", find_spots(errors), strict=False):
+    for spot in find_spots(errors):
         window = np.s_[spot.y : spot.y + spot.size, spot.x : spot.x + spot.size]
         crops = [Picture(name, None, encode(as_shown(image[window]), LOSSLESS)) for name, image in unscored.items()]
         for index, (name, image) in enumerate(frames.items()):
-            mae = float(errors[index][window].mean())
-            crops.append(Picture(name, index, encode(as_shown(image[window]), LOSSLESS), mae))
-        strips.append(Strip(letter, spot, crops))
+            crops.append(
+                Picture(name, index, encode(as_shown(image[window]), LOSSLESS), float(errors[index][window].mean()))
+            )
+        strips.append(Strip(spot, crops))
     return strips
 
 
@@ -154,7 +146,6 @@ def view_motion(
     Returns None if no method estimates motion.
     """
     interval = sample.interval
-    places = {name: index for index, name in enumerate(frames)}
     moving = {
         name: each.interpolator
         for name, each in compared_methods.items()
@@ -171,8 +162,8 @@ def view_motion(
     stretch = float(next((factor for factor in (20, 10, 5, 2) if factor * edge <= 1.5 * spacing), 1))
     fields = [
         MotionPicture(
-            Picture(name, places[name], encode(not_too_wide(in_colour(flow, edge)))),
-            *draw_arrows(flow, spacing, stretch),
+            Picture(name, [*frames].index(name), encode(not_too_wide(in_colour(flow, edge)))),
+            arrows_of(flow, spacing, stretch),
             float(np.linalg.norm(flow, axis=-1).max()),
         )
         for name, flow in flows.items()
@@ -183,7 +174,6 @@ def view_motion(
         width=width,
         height=height,
         shown=encode(not_too_wide(as_shown(interval.shown0.frame.array))),
-        wheel=encode(draw_wheel(WHEEL), LOSSLESS),
         edge=edge,
         stretch=stretch,
         fields=fields,
@@ -234,26 +224,14 @@ def in_colour(flow: np.ndarray, edge: float) -> np.ndarray:
     return np.rint(cv2.cvtColor(colours, cv2.COLOR_HSV2BGR) * 255).astype(np.uint8)
 
 
-def draw_wheel(size: int) -> np.ndarray:
-    """Return the legend of `in_colour`, (size, size, 4) uint8: each vector has its colour where it points to."""
-    radius = size / 2
-    y, x = (np.mgrid[:size, :size].astype(np.float32) + 0.5 - radius) / radius
-    inside = ((1 - np.hypot(x, y)) * radius + 0.5).clip(0, 1)  # a smooth rim
-    return np.dstack([in_colour(np.dstack([x, y]), 1), np.rint(inside * 255).astype(np.uint8)])
-
-
-def draw_arrows(flow: np.ndarray, spacing: int, stretch: float) -> tuple[str, str]:
-    """Return motion of (H, W, 2) as SVG paths, in pixels: shafts from every `spacing` pixels on, and their tips."""
-    shafts = []
-    tips = []
-    for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):
-        for column, (dx, dy) in enumerate((vectors * stretch).tolist()):
-            x = column * spacing + spacing // 2
-            y = row * spacing + spacing // 2
-            if np.hypot(dx, dy) >= 1:
-                shafts.append(f"M{x} {y}l{dx:.1f} {dy:.1f}")
-                tips.append(f"M{x + dx:.1f} {y + dy:.1f}h0")
-    return "".join(shafts), "".join(tips)
+def arrows_of(flow: np.ndarray, spacing: int, stretch: float) -> list[tuple[float, ...]]:
+    """Return arrows along motion of (H, W, 2) from every `spacing` pixels on: x, y, and how far they lead, pixels."""
+    return [
+        (column * spacing + spacing // 2, row * spacing + spacing // 2, *vector)
+        for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))])
+        for column, vector in enumerate((vectors * stretch).tolist())
+        if np.hypot(*vector) >= 1
+    ]
 
 
 MAX_PIXELS = 24_000_000
@@ -277,28 +255,24 @@ def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()
     hidden = comparison.hidden
     if count >= len(hidden):
         return [list(hidden)]
-    left_out = {*comparison.cuts, *comparison.doubtful}
-    errors = [[frame.scores.mae for frame in method.frames] for method in comparison.methods]
-    counts = [number not in left_out for number in hidden]
-    differences = [
-        (median(each) - min(each)) * is_one for each, is_one in zip(zip(*errors, strict=True), counts, strict=True)
-    ]
+    errors = np.array([[frame.scores.mae for frame in method.frames] for method in comparison.methods])
+    errors[:, np.isin(hidden, [*comparison.cuts, *comparison.doubtful])] = 0
     length = max(1, count // 2)
-    first = _largest(differences, length, [])
-    second = _largest([error * is_one for error, is_one in zip(errors[0], counts, strict=True)], length, [first])
+    first = _largest(np.median(errors, axis=0) - errors.min(axis=0), length, [])
+    second = _largest(errors[0], length, [first])
     passages = [hidden[begin : begin + length] for begin in sorted({first, second})]
     passages += [[number] for number in also if not any(number in passage for passage in passages)]
     return sorted(passages)
 
 
-def _largest(values: Sequence[float], length: int, taken: Sequence[int]) -> int:
+def _largest(values: np.ndarray, length: int, taken: Sequence[int]) -> int:
     """Return the beginning of the window with the largest sum that does not overlap those taken.
 
     It has `length` values. If there is no room for it, the overlap is ignored.
     """
     begins = range(len(values) - length + 1)
     free = [begin for begin in begins if all(abs(begin - each) >= length for each in taken)]
-    return max(free or begins, key=lambda begin: sum(values[begin : begin + length]))
+    return max(free or begins, key=lambda begin: values[begin : begin + length].sum())
 
 
 def _size_of(comparison: Comparison) -> tuple[int, int]:
