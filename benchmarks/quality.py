@@ -3,8 +3,11 @@
 A clip is a video, a folder or a pattern of images, or a folder that holds several; the sample clip by default. Frames
 are made as a sequence, as in a conversion. Pairs across a scene cut are left out, since no method can know what lies
 there. Figures are means over the hidden frames, then over the clips: PSNR of the mean squared error and SSIM as
-scikit-image has them, MAE in levels of 255 (what the Middlebury tables call interpolation error), and CPU milliseconds
-a frame; those of a peer's command include its start and its files. ``--metrics`` adds those of `fpsboost compare`.
+scikit-image has them, MAE in levels of 255 (what papers call interpolation error), and CPU milliseconds a frame; those
+of a peer's command include its start and its files. ``--metrics`` adds those of `fpsboost compare`.
+
+A folder of a published set (Vimeo90K, UCF101, SNU-FILM, Xiph, X-TEST, Middlebury, DAVIS) is read as it is unpacked, and
+scored as papers score it (``published_sets.py``): one row of their table for each method.
 
 ``--methods`` takes those of `fpsboost compare`, and ``--peer NAME='COMMAND {in} {out}'`` any tool that doubles the
 frames of a folder, as `fpsboost compare` runs it (``docs/comparison.md``).
@@ -31,7 +34,9 @@ import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from published_sets import PublishedSet, Sample, find_sets
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 from scoring import (
     SAMPLE,
@@ -41,6 +46,7 @@ from scoring import (
     cells,
     find_clips,
     make_hidden,
+    measure_further,
     one_thread,
     read_clip,
     score_clip,
@@ -83,6 +89,12 @@ ENLARGED = 3
 
 LABEL = 24
 """Height of a picture's title, pixels."""
+
+FRAMES = 40
+"""Hidden frames at most, per clip; of a published set all."""
+
+SET_COLUMNS = {"psnr": ("PSNR, dB", 2), "ssim": ("SSIM", 4), "ssim_y": ("SSIM of luma", 4), "ie": ("IE", 2)}
+"""Titles of the figures of published sets, and their digits."""
 
 
 def make_all(
@@ -157,7 +169,7 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
     scores: dict[str, Scores] = {}
     folders, hashes = dict[str, str](), dict[str, Any]()
     for name, path in find_clips(arguments.clip or [str(SAMPLE)]).items():
-        clip = read_clip(name, path, arguments.frames)
+        clip = read_clip(name, path, arguments.frames or FRAMES)
         if not clip.scored:
             console.print(f"{name}: a scene cut in every pair, nothing to score.")
             continue
@@ -171,6 +183,45 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
             write_crops(arguments.crops, clip, made)
     sums = {folder: each.hexdigest() for folder, each in hashes.items()}
     return {"clips": scores, "metrics": list(metrics), "folders": folders, "sha256": sums}
+
+
+def measure_sets(sets: Sequence[PublishedSet], arguments: argparse.Namespace, console: Console) -> list[dict[str, Any]]:
+    """Score every method and peer on published sets; return a row for each."""
+    chosen, _ = choose([arguments.methods], None)
+    peers = {peer.name: peer.value for peer in name_others((), arguments.peer)}
+    metrics = choose_metrics(arguments.metrics)
+    rows = []
+    for each in sets:
+        scored: dict[str, list[tuple[str, Figures]]] = {}
+        for sample in track(spread(each.samples, arguments.frames), each.name, console=Console(stderr=True)):
+            clip = each.read(sample)
+            for method, made in make_all(clip, chosen, peers, console).items():
+                figures = each.score(clip, made.images) | measure_further(clip, made, metrics)
+                scored.setdefault(method, []).append((sample.clip, figures | {"cpu_ms": made.cpu_ms}))
+        for method, found in scored.items():
+            count = sum(len(sample.scored) for sample in each.samples[:1]) * len(found)
+            rows.append({"set": each.name, "method": method, "frames": count, **each.mean(found)})
+    return rows
+
+
+def spread(samples: Sequence[Sample], largest: int | None) -> Sequence[Sample]:
+    """Return so many of the samples at most, from everywhere in the set."""
+    if largest is None or largest >= len(samples):
+        return samples
+    return [samples[(2 * k + 1) * len(samples) // (2 * largest)] for k in range(largest)]
+
+
+def set_lines(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> Iterator[str]:
+    """Yield the rows of published sets as a table in Markdown."""
+    columns = {name: column for name, column in SET_COLUMNS.items() if any(name in row for row in rows)}
+    columns |= {name: (further_metrics[name].title, further_metrics[name].digits) for name in metrics}
+    columns |= {"cpu_ms": ("CPU, ms", 0)}
+    yield f"| set | method | frames | {' | '.join(title for title, _ in columns.values())} |"
+    yield f"|{'---|' * (len(columns) + 3)}"
+    for row in rows:
+        figures = [f"{row[name]:.{digits}f}" if name in row else "" for name, (_, digits) in columns.items()]
+        method = f"`{row['method']}`"
+        yield f"| {' | '.join([row['set'], method, str(row['frames']), *figures])} |"
 
 
 def published_lines(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -213,7 +264,9 @@ def main() -> None:
     parser.add_argument(
         "--methods", default="nlm,nlm-fast,dis,block,minterpolate,blend", help="names, separated by commas"
     )
-    parser.add_argument("--frames", type=int, default=40, help="hidden frames at most, per clip")
+    parser.add_argument(
+        "--frames", type=int, help=f"hidden frames at most, per clip, else {FRAMES}; samples at most of a published set"
+    )
     parser.add_argument(
         "--metrics", action="append", default=[], metavar="NAMES", help=f"besides: {', '.join(further_metrics)}"
     )
@@ -224,6 +277,9 @@ def main() -> None:
     arguments = parser.parse_args()
     console = wide_console(stderr=arguments.published)
     one_thread()
+    found = {path: find_sets(Path(path)) for path in arguments.clip}
+    sets = [each for several in found.values() for each in several]
+    arguments.clip = [path for path in arguments.clip if not found[path]]
     with tempfile.TemporaryDirectory() as scratch:
         if arguments.published:
             drawing = [sys.executable, str(SAMPLE.parent / "construct_clips.py"), f"{scratch}/constructed"]
@@ -231,12 +287,16 @@ def main() -> None:
             arguments.clip = [drawing[-1], str(SAMPLE.parent / "scenes"), *arguments.clip]
             arguments.metrics += STANDARD
         try:
-            figures = measure(arguments, console)
+            of_sets = measure_sets(sets, arguments, console)
+            figures = measure(arguments, console) if arguments.clip or not sets else {}
         except FpsboostError as error:
             raise SystemExit(str(error)) from error
+    if sets:
+        print(*set_lines(of_sets, choose_metrics(arguments.metrics)), sep="\n")
+        figures["sets"] = of_sets
     if arguments.published:
         print(*published_lines(figures), sep="\n")
-    else:
+    elif "clips" in figures:
         summarise(figures, console)
     if arguments.json:
         arguments.json.write_text(json.dumps(without_nan(figures), indent=1) + "\n")

@@ -41,7 +41,7 @@ class Scores:
     """Structural similarity (Wang et al. 2004, doi:10.1109/TIP.2003.819861) as scikit-image has it by default, mean
     over the channels."""
     mae: float
-    """Mean absolute error, levels of 255: what the Middlebury tables call interpolation error."""
+    """Mean absolute error, levels of 255: what papers call interpolation error."""
 
 
 def score(truth: Image, image: Image) -> Scores:
