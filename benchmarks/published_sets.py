@@ -12,7 +12,7 @@ github.com/tarun005/FLAVR, and ``ldm/data/testsets.py`` of github.com/danier97/L
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
@@ -166,7 +166,7 @@ class PublishedSet:
 
     name: str
     samples: Sequence[Sample]
-    measures: dict[str, Measure]
+    measures: Mapping[str, Measure]
     """By the names of their columns."""
     view: Callable[[Image], Image] = whole
     """What is shown of a frame."""
@@ -175,7 +175,7 @@ class PublishedSet:
 
     def read(self, sample: Sample) -> Clip:
         """Read the frames of a sample."""
-        frames = []
+        frames = list[SourceFrame]()
         for number, path in enumerate(sample.frames):
             image = self.view(three_colours(read_image(path)))
             if image.dtype != np.uint8 or (frames and image.shape != frames[0].frame.array.shape):

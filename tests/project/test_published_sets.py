@@ -204,6 +204,14 @@ def test_means_are_over_frames_or_over_clips_first(sets):
     assert sets.PublishedSet("clips", [], {}, per_clip=True).mean(rows) == {"psnr": 22.5}
 
 
+def test_a_quick_look_takes_samples_from_everywhere(monkeypatch):
+    """As many as asked for, evenly; all of them if there are no more."""
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    spread = importlib.import_module("quality").spread
+    assert spread(range(9), 3) == [1, 4, 7]
+    assert spread(range(9), None) == spread(range(9), 9) == spread(range(9), 99) == range(9)
+
+
 def test_quality_prints_the_row_of_a_set(tmp_path):
     """Methods of a set as a table in Markdown, with the figures that the set has, and as JSON."""
     save_middlebury(tmp_path / "middlebury")
