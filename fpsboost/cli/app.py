@@ -271,8 +271,8 @@ def check_dashes(tokens: Sequence[str]) -> None:
         found = re.fullmatch("[-\N{HYPHEN}-\N{HORIZONTAL BAR}\N{MINUS SIGN}]([a-z][a-z-]+)(=.*)?", token)
         if found is None:
             continue
-        _, apps, _ = app.parse_commands(tokens)
-        arguments = {name: each for each in apps[-1].assemble_argument_collection() for name in each.names}
+        command = app.parse_commands(tokens)[1][-1]
+        arguments = {name: each for each in command.assemble_argument_collection() for name in each.names}
         for meant in get_close_matches(f"--{found[1]}", arguments, 1, 0.8):
             value = found[2] or ("" if arguments[meant].hint is bool or following[:1] == "-" else f" {following}")
             raise OptionError(f"{token} is not an option; write {meant}{value.rstrip()}, with two dashes.")
@@ -309,7 +309,7 @@ def run_command(texts: LibraryTexts) -> None:
     """
     errors = console()
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["-h"]
-    quiet = bool({"--quiet", "-q"} & set(tokens))
+    quiet = {"--quiet", "-q"} & set(tokens)
     in_json = "--progress=json" in tokens or ("--progress", "json") in pairwise(tokens)
     verbose = "--verbose" in tokens
     try:

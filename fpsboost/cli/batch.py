@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,7 +23,7 @@ from fpsboost.cli.messages import (
     say_traceback,
     sentence,
 )
-from fpsboost.cli.options import MessageOptions, check_named_once
+from fpsboost.cli.options import MessageOptions, MethodOptions, check_named_once
 from fpsboost.cluster import ClusterOptions, convert_where
 from fpsboost.conflicts import check_together
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
@@ -32,6 +33,7 @@ from fpsboost.io.images.source import is_pattern, pictures_in
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.options import words_of_options
 from fpsboost.preparation import OUTPUT_SUFFIXES, ConversionJob, name_in_folder, output_beside
 from fpsboost.remarks import Remarks
 from fpsboost.run_options import RunOptions
@@ -64,12 +66,12 @@ class Conversions:
         inputs = list(paths)
         output = None
         if not self.run.in_place:
-            output = inputs.pop() if len(inputs) > 1 else ""
+            output = inputs.pop() if len(inputs) > 1 else output_beside(inputs[0], self.timing)
         check_named_once(inputs)
         if output is not None and is_pair(inputs):
             inputs = [",".join(inputs)]
         if len(inputs) == 1:
-            self._convert(inputs[0], output_beside(inputs[0], self.timing) if output == "" else output)
+            self._convert(inputs[0], output)
             return
         check_together(self.method.names_given() | self.run.names_given() | {"several inputs"})
         if self.dry_run:
@@ -106,6 +108,18 @@ class Conversions:
             remark_on_last_image(summary.remarks, summary.frames_in, summary.frames_out, self.timing.multiple)
             self._explains_last_image = len(summary.remarks) == count
         reporter.say_summary(summary, in_place=self.run.in_place)
+        if not (place or self.run.chunk or {input, output} & {None, *PIPES}):
+            self._say_next(input)
+
+    def _say_next(self, input: str) -> None:
+        """Print on a terminal the command that shows a clip before and after, unless a preview would be refused."""
+        errors = console(quiet=not self.messages.prints_text)
+        words = ["fpsboost", "preview", input, *words_of_options(self.timing, self.decoding)]
+        words += ["-m", self.method_name] * (self.method_name != MethodOptions.method)
+        with suppress(OptionError):
+            check_together(self.timing.names_given() | {"a preview"})
+            if errors.file.isatty():
+                errors.print(f"Before and after, on a page: {literal(shlex.join(words))}")
 
     def _convert_into(self, inputs: Sequence[str], folder: str) -> None:
         """Convert every input into a folder, which is made if missing, and removed again if it is empty at the end."""
@@ -164,9 +178,9 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     """
     if {folder, *inputs} & {*PIPES}:
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
-    is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for impossible names
     is_file = os.path.exists(folder) or extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
-    if (is_file and not is_folder) or is_pattern(folder):
+    # os.path.isdir, as pathlib's raises an exception for impossible names
+    if (is_file and not os.path.isdir(folder)) or is_pattern(folder):
         raise OptionError(f"{folder} is not a folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs = [name_in_folder(path, Path(folder)) for path in inputs]
     by_output: dict[str, str] = {}

@@ -13,19 +13,15 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import Literal
 
 from rich.console import Console
-from rich.table import Column, Table
 
 from fpsboost import __version__
 from fpsboost.cli.flags import OwnFlag
-from fpsboost.cli.messages import console, literal
+from fpsboost.cli.messages import console, fact_table, literal
 from fpsboost.memory import available_memory
 from fpsboost.threads import available_cores
-
-MAX_WIDTH = 100
 
 
 def doctor(*, json: OwnFlag = False) -> None:
@@ -36,28 +32,25 @@ def doctor(*, json: OwnFlag = False) -> None:
     json
         Print JSON.
     """
-    with Console(stderr=True, quiet=json).status("checking"):
+    with console(quiet=json).status("checking"):
         findings = list(diagnose())
     broken = [finding for finding in findings if finding.advice]
     if json:
         print(plain.dumps({"works": not broken, "findings": [asdict(finding) for finding in findings]}, indent=1))
     else:
         out = Console(highlight=False)
-        out.width = min(out.width, MAX_WIDTH)
-        names = Column(style="bold", no_wrap=True), Column(style="dim", no_wrap=True)
-        values = Column(overflow="fold"), Column(no_wrap=True)
-        table = Table(*names, *values, box=None, pad_edge=False, show_header=False)
-        part = ""
-        for finding in findings:
-            state = "[red]fails[/]" if finding.advice else "[green]ok[/]"
-            table.add_row("" if finding.part == part else finding.part, finding.name, literal(finding.value), state)
-            part = finding.part
-        out.print(table)
+        rows = {
+            f"{each.part:10} {each.name}": literal(each.value) + " [red]fails[/]" * bool(each.advice)
+            for each in findings
+        }
+        out.print(fact_table(rows))
         if not broken:
             out.print("[green]Everything works.[/]")
-    errors = console()
+        named = [each for each in findings if each.part in ("programs", "kernels") or each.name == "FFmpeg"]
+        line = "; ".join(f"{each.name} {each.value}" for each in named)
+        out.print(f"For an issue: {literal(line)}", soft_wrap=True)  # to be pasted: one line in any width
     for finding in broken:
-        errors.print(f"[red]fpsboost:[/] {literal(finding.advice)}")
+        console().print(f"[red]fpsboost:[/] {literal(finding.advice)}")
     if broken:
         sys.exit(1)
 
@@ -120,14 +113,11 @@ def diagnose() -> Iterator[Finding]:
 
 
 def _programs() -> Iterator[Finding]:
-    yield Finding("programs", "Python", f"{platform.python_version()}, {platform.system()} {platform.machine()}")
     yield Finding("programs", "fpsboost", __version__)
+    yield Finding("programs", "Python", f"{platform.python_version()}, {platform.platform()}")
     for name, (module, package) in libraries.items():
         try:
-            import_module(module)
-            yield Finding("programs", name, version(package))
-        except PackageNotFoundError:  # another package has brought the module
-            yield Finding("programs", name, str(import_module(module).__version__))
+            yield Finding("programs", name, import_module(module).__version__)
         except ImportError as error:
             yield Finding("programs", name, str(error), f"{name} cannot be imported; reinstall {package} with pip.")
 
@@ -136,10 +126,10 @@ def _kernels() -> Iterator[Finding]:
     from fpsboost.kernels.binding import LEVELS, library, processor_level  # noqa: PLC0415
 
     try:
-        levels = LEVELS[: library().count_levels()]
-        yield Finding("kernels", "level", f"{processor_level()} of {', '.join(levels)}")
+        levels = ", ".join(LEVELS[: library().count_levels()])
+        yield Finding("kernels", "processor level", f"{processor_level()} of {levels}")
     except ImportError as error:
-        yield Finding("kernels", "level", "none", str(error))
+        yield Finding("kernels", "processor level", "none", str(error))
 
 
 def _codecs() -> Iterator[Finding]:
@@ -178,8 +168,7 @@ def _self_test() -> Iterator[Finding]:
 
     texture = np.random.default_rng(0).integers(0, 256, (24, 60, 3), np.uint8).repeat(4, axis=0).repeat(4, axis=1)
     for method, known in known_digests.items():
-        is_known = self_test(methods[method], texture).startswith(known)
-        bits = "same results as on other machines" if is_known else OTHER_BITS
+        bits = "same results as elsewhere" if self_test(methods[method], texture).startswith(known) else OTHER_BITS
         made = interpolate(texture, np.roll(texture, 8, axis=1), method=method)
         error = float(np.abs(made.astype(float) - np.roll(texture, 4, axis=1))[16:-16, 16:-16].mean())
         advice = "" if error <= MAX_ERROR else f"Frames of {method} are wrong; {REINSTALL}"

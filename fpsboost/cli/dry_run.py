@@ -9,7 +9,7 @@ from fractions import Fraction
 from rich.console import Console
 
 from fpsboost.cli.batch import remark_on_last_image
-from fpsboost.cli.messages import fact_table, literal, sentence
+from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
@@ -49,7 +49,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     check_together(run.names_given() | {"dry_run"})
     if {job.input, job.output} & {*PIPES}:
         raise OptionError("A pipe can be read only once, and --dry-run tries passages of the clip; name files.")
-    reading = Console(stderr=True)
+    reading = console()
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         coding, remarks = ready.expected_losses()
         remarks.take(find_guides(ready))
@@ -90,13 +90,13 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         rows["size"] = _size(trial, added) + ", other streams not counted" * bool(kept)
         rows["tried"] = f"{sum(each.frames for each in trial.trials[''])} frames, for time and size"
     table = fact_table({name: sentence(value) for name, value in rows.items()})
-    console = Console(highlight=False)
-    console.print(f"[bold]{literal(str(job.input))}[/]", table, sep="\n")
+    out = Console(highlight=False)
+    out.print(f"[bold]{literal(str(job.input))}[/]", table, sep="\n")
     if is_images:
         remark_on_last_image(remarks, source.frame_count or 0, frames or 0, job.timing.multiple)
     for remark in remarks:
-        console.print(f"[yellow]Note:[/] {sentence(remark)}", soft_wrap=True)
-    console.print("Nothing was written.")
+        out.print(f"[yellow]Note:[/] {sentence(remark)}", soft_wrap=True)
+    out.print("Nothing was written.")
 
 
 def _kept(ready: Preparation, lost: Collection[object]) -> list[str]:

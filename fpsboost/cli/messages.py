@@ -152,8 +152,7 @@ class Reporter(ExitStack):
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        frames = expected_frames or "?"
-        self._progress.update(self._task, total=expected_frames, frames=frames, visible=True)
+        self._progress.update(self._task, total=expected_frames, frames=expected_frames or "?", visible=True)
 
     def ready(self) -> None:
         """Start the time of the bar, and the garbage collector."""
@@ -182,12 +181,13 @@ class Reporter(ExitStack):
             frames += f", {counted(count, what)}" if count else ""
         frames += f", {len(summary.replaced)} replaced" if summary.replaced else ""
         frames += f", {summary.completed_frames} of which were there already" if summary.completed_frames else ""
-        if self._verbose and summary.search_radii:
-            least = min(summary.search_radii)
-            largest = max(summary.search_radii)
-            self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
-        if self._verbose and summary.details:
-            self._say(summary.details)
+        if self._verbose:
+            if summary.search_radii:
+                least = min(summary.search_radii)
+                largest = max(summary.search_radii)
+                self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
+            if summary.details:
+                self._say(summary.details)
         lowest = summary.lowest_match
         where = ""
         if lowest is not None and lowest.match_score < 1:
@@ -200,8 +200,10 @@ class Reporter(ExitStack):
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
         if summary.unsure_frames:
             share = rounded(100 * summary.unsure_pixels / summary.unsure_frames, 2)
-            unsure = counted(summary.unsure_frames, "frame")
-            self._say(f"Unsure: {share} % of the pixels of {unsure}, where motion is not used.")
+            self._say(
+                f"Unsure: {share} % of the pixels of {counted(summary.unsure_frames, 'frame')}, "
+                "where motion is not used."
+            )
         if summary.replaced:
             self._say(f"Replaced: {as_ranges(summary.replaced)}.")
         for remark in summary.remarks:
@@ -255,24 +257,27 @@ class JsonReporter(ExitStack):
         """
         self._frames = summary.frames_out
         lowest = summary.lowest_match
-        results = {
-            "frames_in": summary.frames_in,
-            "frames_made": summary.frames_made,
-            "duplicates": summary.duplicates,
-            "replaced": summary.replaced,
-            "unsure_frames": summary.unsure_frames,
-            "unsure_pixels": round(summary.unsure_pixels, 4),
-            "scene_cuts": summary.scene_cuts,
-            "seconds": round(summary.seconds, 3),
-            "least_certain": lowest
+        self._print(
+            "done",
+            fps=_speed(summary),
+            done=True,
+            output=self._output,
+            frames_in=summary.frames_in,
+            frames_made=summary.frames_made,
+            duplicates=summary.duplicates,
+            replaced=summary.replaced,
+            unsure_frames=summary.unsure_frames,
+            unsure_pixels=round(summary.unsure_pixels, 4),
+            scene_cuts=summary.scene_cuts,
+            seconds=round(summary.seconds, 3),
+            least_certain=lowest
             and {
                 "frame": lowest.number,
                 "time": round(float(lowest.time), 6),
                 "match_score": round(lowest.match_score, 4),
             },
-            "remarks": as_objects(summary.remarks),
-        }
-        self._print("done", fps=_speed(summary), done=True, output=self._output, **results)
+            remarks=as_objects(summary.remarks),
+        )
 
     def _ended(self, kind: object, error: object, trace: object) -> None:
         """If the run has ended early, print the number of frames that the next one need not compute."""

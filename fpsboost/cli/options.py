@@ -323,6 +323,6 @@ def command_line(input: str | os.PathLike[str], output: str | os.PathLike[str], 
 def check_named_once(inputs: Sequence[str]) -> None:
     """Raise `OptionError` if two of several paths lead to the same file or folder."""
     places = [os.path.realpath(path) for path in inputs]
-    twice = next((path for path, place in zip(inputs, places, strict=True) if places.count(place) > 1), None)
-    if twice is not None:
-        raise OptionError(f"{twice} is named twice; name it once.")
+    for path, place in zip(inputs, places, strict=True):
+        if places.count(place) > 1:
+            raise OptionError(f"{path} is named twice; name it once.")

@@ -37,7 +37,7 @@ def plan(
         A new folder for plan.json and a mask for every frame.
     """
     interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator()
-    with Console(stderr=True, quiet=motion.quiet).status("interpolating frames that are known"):
+    with console(quiet=motion.quiet).status("interpolating frames that are known"):
         table = plan_table(fpsboost.plan_rerender(input, folder, options, method=interpolator), folder)
     if not motion.quiet:
         Console(highlight=False).print(table)
@@ -85,9 +85,9 @@ def merge(
     quiet
         Print errors only.
     """
-    with Console(stderr=True, quiet=quiet).status("merging"):
-        summary = fpsboost.merge_regions(images, rendered, output, options)
     errors = console(quiet=quiet)
+    with errors.status("merging"):
+        summary = fpsboost.merge_regions(images, rendered, output, options)
     errors.print(
         sentence(
             f"{output}: {summary.regions} regions put back into {summary.merged_frames} of {summary.frames} frames, "

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from fpsboost.cli.compare import split_methods
 from fpsboost.cli.flags import Cuts, Input, Reading, in_flags, with_flags
-from fpsboost.cli.messages import literal, sentence
+from fpsboost.cli.messages import console, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PreviewOptions, command_line
 from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
@@ -61,8 +61,8 @@ def preview(
     methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
     output = output_beside(input, timing)
     job = ConversionJob(input, output, timing, next(iter(methods.values())), decoding)
-    console = Console(highlight=False, quiet=options.quiet)
-    with Console(stderr=True, quiet=options.quiet).status("reading") as status:
+    out = Console(highlight=False, soft_wrap=True, quiet=options.quiet)
+    with console(quiet=options.quiet).status("reading") as status:
         run_options = RunOptions(limit=options.limit, threads=options.threads)
         result = run(job, methods, run_options, at=options.at, on_task=lambda task: status.update(literal(task)))
         status.update("writing the page")
@@ -73,12 +73,12 @@ def preview(
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)
     for note in notes:
-        console.print(f"Note: {literal(note)}", soft_wrap=True)
+        out.print(f"Note: {literal(note)}")
     for name, seconds in result.seconds_per_frame.items():
-        console.print(sentence(f"{name}: {estimate_sentence(result.frames, seconds)}"), soft_wrap=True)
+        out.print(sentence(f"{name}: {estimate_sentence(result.frames, seconds)}"))
     if options.side_by_side is not None:
-        console.print(f"Video: {literal(options.side_by_side)}", soft_wrap=True)
-    console.print(f"Page: {literal(str(place))}", soft_wrap=True)
+        out.print(f"Video: {literal(options.side_by_side)}")
+    out.print(f"Page: {literal(str(place))}")
 
 
 def check_video(path: str, input: str, *, overwrite: bool) -> None:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from fpsboost.cli.flags import OWN_OPTIONS, Input, OwnFlag, in_flags
-from fpsboost.cli.messages import as_objects, fact_table, literal, sentence
+from fpsboost.cli.messages import as_objects, console, fact_table, literal, sentence
 from fpsboost.cli.options import PathName
 from fpsboost.errors import rounded
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from fpsboost.media import StreamFacts
     from fpsboost.probing import Probe
 
-MAX_WIDTH = 80
 MAX_CUTS = 24
 """Maximum number of cuts whose times are printed; --json has them all."""
 
@@ -61,7 +60,7 @@ def probe(
     from fpsboost.probing import probe_guide  # noqa: PLC0415
 
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
-    with Console(stderr=True, quiet=json).status("reading"):
+    with console(quiet=json).status("reading"):
         result = run(input, rate, stream, allow_playlists=allow_playlists)
         if guide is not None:
             decoding = DecodeOptions(input_fps=rate, stream=stream, guide=guide, guide_offset=guide_offset)
@@ -74,14 +73,13 @@ def probe(
         values["conversion"]["refused"] = refused and in_flags(refused)
         print(plain.dumps(values, indent=1, default=str))
         return
-    console = Console(highlight=False)
-    console.width = min(console.width, MAX_WIDTH)
-    console.print(f"[bold]{literal(result.name)}[/]")
+    out = Console(highlight=False)
+    out.print(f"[bold]{literal(result.name)}[/]")
     if result.streams:
-        console.print(stream_table(result.streams))
-    console.print(fact_table({name: sentence(value) for name, value in facts(result).items()}))
+        out.print(stream_table(result.streams))
+    out.print(fact_table({name: sentence(value) for name, value in facts(result).items()}))
     for remark in [*result.remarks, *result.conversion.remarks]:
-        console.print(f"[yellow]Note:[/] {sentence(remark)}")
+        out.print(f"[yellow]Note:[/] {sentence(remark)}")
 
 
 def read_probe(text: str) -> Probe:
@@ -113,7 +111,6 @@ def facts(result: Probe) -> dict[str, str]:
         tags = [f"{name} {tag}" for name in ("matrix", "primaries", "transfer") if (tag := getattr(look, name))]
         lines["pixels"] = f"{look.pixel_format}, aspect {look.pixel_aspect}, rotation {look.rotation:g} degrees"
         lines["colour"] = ", ".join([*(tags or ["no tags"]), "full range" if look.full_range else "limited range"])
-    numbers = {"numbers": f"in steps of {result.number_step}"} if (result.number_step or 1) > 1 else {}
     intervals = " / ".join(rounded(1000 * each, 4) for each in (result.shortest, result.median, result.longest))
     times = ", ".join(f"{cut:.3f}" for cut in result.cuts[:MAX_CUTS])
     more = f" and {len(result.cuts) - MAX_CUTS} more" if len(result.cuts) > MAX_CUTS else ""
@@ -125,7 +122,7 @@ def facts(result: Probe) -> dict[str, str]:
         "intervals": f"{intervals} ms (shortest / median / longest)",
         "duration": f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else ""),
         "frames": f"{result.frames}{every}",
-        **numbers,
+        **({"numbers": f"in steps of {result.number_step}"} if (result.number_step or 1) > 1 else {}),
         "duplicates": describe_duplicates(result) if result.duplicates else "none",
         "scene cuts": f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none",
         **({"loop": "the last frame leads to the first; --loop makes the frames between"} if result.loops else {}),

@@ -1,15 +1,16 @@
-"""What a shell needs of the command line: completion, and whether it works on this machine."""
+"""What a shell and its user need of the command line: completion, what to look at next, and whether all works here."""
 
 import json
 import os
 import platform
 import pty
 import re
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from fpsboost.cli.doctor import Finding, diagnose
 from fpsboost.cli.options import METHODS
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.parts.manifest import self_test
+from support.command_line import environment
+from support.video_truth import write_clip
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -113,6 +116,74 @@ def test_zsh_completes(scripts, how):
         os.close(terminal)
 
 
+def lines_on_terminal(folder: Path, *arguments: str) -> list[str]:
+    """Return what a command prints on a terminal of 200 columns that cannot move its cursor."""
+    terminal, end = pty.openpty()
+    variables = {**environment(), "TERM": "dumb", "COLUMNS": "200"}
+    command = [sys.executable, "-m", "fpsboost", *arguments]
+    with subprocess.Popen(command, cwd=folder, env=variables, stdout=end, stderr=end) as run:
+        os.close(end)
+        said = b""
+        with suppress(OSError):  # Linux: once the command has ended
+            while part := os.read(terminal, 4096):
+                said += part
+    os.close(terminal)
+    assert run.returncode == 0, said
+    return said.decode().splitlines()
+
+
+NEXT = "Before and after, on a page: "
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["it's a clip.mp4", "--method", "blend"],
+        ["it's a clip.mp4", "out.mp4", "--method=blend", "--fps", "60", "--end", "8f"],
+        ["images", "frames/", "--method", "blend", "--input-fps", "12"],
+    ],
+)
+def test_a_conversion_ends_on_a_terminal_with_what_to_look_at_next(fpsboost_, tmp_path, save_images, words):
+    """A single last line, with a command that a shell takes as it is: it makes a page of the same conversion."""
+    write_clip(tmp_path / "it's a clip.mp4")
+    save_images(tmp_path / "images", count=6)
+    lines = lines_on_terminal(tmp_path, *words)
+    assert [line.startswith(NEXT) for line in lines] == [False] * (len(lines) - 1) + [True]
+    program, *command = shlex.split(lines[-1].removeprefix(NEXT))
+    assert (program, command[:2], command[-2:]) == ("fpsboost", ["preview", words[0]], ["-m", "blend"])
+    assert set(command) >= {word for word in words[1:] if word in ("--fps", "60", "--end", "8f", "--input-fps", "12")}
+    assert fpsboost_(*command, "--quiet").code == 0
+    assert len([*tmp_path.glob("*-preview.html")]) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options",
+    [
+        "out.mp4 --quiet",
+        "out.mp4 --progress json",
+        "out.mp4 --dry-run",
+        "out.mp4 --chunk 1/1",
+        "out.mp4 --duplicates drop",
+        "again.mp4 out/",
+    ],
+)
+def test_it_is_not_said_where_nobody_asks_for_it(tmp_path, options):
+    """Not to programs, of no part, trial or several clips, and not where a preview would be refused."""
+    for name in ("in.mp4", "again.mp4"):
+        write_clip(tmp_path / name)
+    assert NEXT not in "\n".join(lines_on_terminal(tmp_path, "in.mp4", *options.split(), "--method", "blend"))
+
+
+def test_it_is_not_said_in_a_pipe(fpsboost_, tmp_path, monkeypatch):
+    """Even where colours are forced upon it."""
+    write_clip(tmp_path / "in.mp4")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    result = fpsboost_("in.mp4", "--method", "blend")
+    assert (result.code, NEXT in result.out + result.err) == (0, False)
+
+
 def test_everything_works_here():
     """All parts are looked at, and the self-test makes right frames."""
     findings = list(diagnose())
@@ -152,12 +223,23 @@ def test_an_error_is_a_finding(monkeypatch):
 
 
 def test_doctor_prints_and_exits(monkeypatch, fpsboost_):
-    """A table, and 0 where everything works; else 1 and a sentence; the same as JSON."""
+    """A table, and 0 where everything works; else 1 and a sentence; the same as JSON. A line for issues is whole."""
     good, bad = Finding("codecs", "FFmpeg", "8"), Finding("kernels", "level", "none", "Do this.")
     monkeypatch.setattr(doctor, "diagnose", lambda: iter([good]))
     works = fpsboost_("doctor")
     assert (works.code, "Everything works." in works.out) == (0, True)
+    assert works.out.splitlines()[-1] == "For an issue: FFmpeg 8"
     monkeypatch.setattr(doctor, "diagnose", lambda: iter([good, bad]))
     table, data = fpsboost_("doctor"), fpsboost_("doctor", "--json")
     assert (table.code, "fails" in table.out, table.err) == (1, True, "fpsboost: Do this.\n")
+    assert table.out.splitlines()[-1] == "For an issue: FFmpeg 8; level none"
     assert (data.code, json.loads(data.out)) == (1, {"works": False, "findings": [asdict(good), asdict(bad)]})
+
+
+def test_the_line_for_issues_names_what_matters(fpsboost_, monkeypatch):
+    """Versions, system and level of the processor, on one line in a narrow terminal too; no names of files or users."""
+    monkeypatch.setenv("COLUMNS", "40")
+    line = fpsboost_("doctor").out.splitlines()[-1]
+    names = ["fpsboost", "Python", "NumPy", "OpenCV", "PyAV", "processor level", "FFmpeg"]
+    assert re.fullmatch("For an issue: " + "; ".join(rf"{name} \S[^;]+" for name in names), line)
+    assert platform.machine() in line
