@@ -235,7 +235,7 @@ class Interpolator(Checked):
         check_values(image0, "image0")
         check_values(image1, "image1")
         if key_guides and guides and any(each.shape != guides[0].shape for each in key_guides):
-            raise InputError("`key_guides` must be like the guides between them; make all of one size and colours.")
+            raise InputError("Guides of frames must be like those between them; make all of one size and colours.")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         pair.image0.guide, pair.image1.guide = key_guides or (None, None)

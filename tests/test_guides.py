@@ -350,7 +350,7 @@ def test_two_images_have_a_guide_of_the_one_between():
     assert [image[0, 0, 0] for image in several] == [20, 101]
     with pytest.raises(InputError, match="A guide has 64x48 pixels, and the frames have 32x24; crop or render"):
         interpolate(CHEAP[0], CHEAP[1], guide=FRAMES[0])
-    with pytest.raises(InputError, match="`key_guides` must be like the guides between them; make all of one size"):
+    with pytest.raises(InputError, match="Guides of frames must be like those between them; make all of one size"):
         interpolate(FRAMES[0], FRAMES[1], guide=CHEAP[1], key_guides=(CHEAP[0], FRAMES[1]))
 
 
