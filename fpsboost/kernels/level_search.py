@@ -4,8 +4,8 @@
 are small.
 
 Neighbouring points mostly propose the same few offsets. For each tile, the distinct proposals in and around the tile
-and their neighbours are therefore collected once, and the similarity of each of them is computed over the whole tile
-and summed around each point: the cost is that of a few dozen offsets, whatever the search range.
+and the neighbours of those in it are therefore collected once, and the similarity of each of them is computed over the
+whole tile and summed around each point: the cost is that of a few dozen offsets, whatever the search range.
 
 Each point keeps its most similar offsets, one per local maximum: in a repeated pattern, several are equally similar,
 and only the neighbours can tell which one is correct.

@@ -1,8 +1,8 @@
 // Search by tiles over the distinct offsets that a coarser level proposes, at points several pixels apart.
 //
 // Neighbouring points mostly propose the same few offsets. For each tile, the distinct proposals in and around the tile
-// and their neighbours are therefore collected once, and the similarity of each of them is computed over the whole tile
-// and summed around each point: the cost is that of a few dozen offsets, whatever the search range.
+// and the neighbours of those in it are therefore collected once, and the similarity of each of them is computed over
+// the whole tile and summed around each point: the cost is that of a few dozen offsets, whatever the search range.
 #pragma once
 #include "plane_pair.h"
 #include "scratch.h"
@@ -121,17 +121,17 @@ struct OffsetSet {
   }
 };
 
-// Adds zero motion, the distinct proposals in and around a tile, and the neighbours of all of them.
+// Adds zero motion, the distinct proposals in and around a tile, and the neighbours of zero and of those in it.
 FORCE_INLINE void gather_offsets(const ProposedOffsets &proposals, const Tile &tile, Int refine_radius,
                                  OffsetSet &offsets) {
   const Int spacing = proposals.spacing;
-  // the places in which pixels lie
-  const Int top = max(tile.top - PROPOSAL_MARGIN, Int(0)) / spacing,
-            left = max(tile.left - PROPOSAL_MARGIN, Int(0)) / spacing;
-  const Int bottom = min((tile.bottom + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.down);
-  const Int right = min((tile.right + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.across);
   // by distance from the proposal: of equally similar offsets, the first one is kept
   for (Int distance = 0; distance <= refine_radius; distance++) {
+    const Int margin = distance ? 0 : PROPOSAL_MARGIN;
+    // the places in which pixels lie
+    const Int top = max(tile.top - margin, Int(0)) / spacing, left = max(tile.left - margin, Int(0)) / spacing;
+    const Int bottom = min((tile.bottom + margin - 1) / spacing + 1, proposals.down),
+              right = min((tile.right + margin - 1) / spacing + 1, proposals.across);
     offsets.add_around({0, 0}, distance);
     for (Int y = top; y < bottom; y++)
       for (Int x = left; x < right; x++) offsets.add_around(proposals.proposed[y * proposals.across + x], distance);
