@@ -313,18 +313,18 @@ def make_page(preview: Preview, command: str, notes: Sequence[str]) -> str:
 def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
     """Yield the least certain frame of every passage, by the first method."""
     trials = next(iter(preview.trials.values()))
-    for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
+    first = 0
+    for passage, trial in zip(preview.selection.passages, trials, strict=True):
         least = trial.least_certain
         confidence = trial.confidence
-        if least is None:
-            continue
-        time = format_time(passage.in_clip(least.time))
-        uncertainty = None if confidence is None else encode(as_heat(1 - confidence))
-        mean = None if confidence is None else float(confidence.mean())
-        picture = data_uri(trial.after.pictures[least.number], "jpeg")
-        place = sum(_count(preview, each.before.end) for each in preview.selection.passages[:number])
-        place += round(least.time * preview.stretch * preview.rate)
-        yield LeastCertain(time, place, picture, uncertainty, mean)
+        if least is not None:
+            time = format_time(passage.in_clip(least.time))
+            uncertainty = None if confidence is None else encode(as_heat(1 - confidence))
+            mean = None if confidence is None else float(confidence.mean())
+            picture = data_uri(trial.after.pictures[least.number], "jpeg")
+            place = first + round(least.time * preview.stretch * preview.rate)
+            yield LeastCertain(time, place, picture, uncertainty, mean)
+        first += _count(preview, passage.before.end)
 
 
 def _count(preview: Preview, end: Fraction) -> int:

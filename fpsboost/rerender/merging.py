@@ -130,14 +130,15 @@ def mix(image: np.ndarray, rendered: np.ndarray, weights: np.ndarray) -> np.ndar
         Share of the rendered image, 0 to 1.
     """
     share = weights[..., np.newaxis].astype(np.float64)
+    is_float = np.issubdtype(image.dtype, np.floating)
     with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken
         mixed = image * (1 - share) + rendered * share
-    if has_alpha(image) and not np.issubdtype(image.dtype, np.floating):
+    if has_alpha(image) and not is_float:
         alphas = image[..., -1:] * (1 - share), rendered[..., -1:] * share
         colours = image[..., :-1] * alphas[0] + rendered[..., :-1] * alphas[1]
         total = alphas[0] + alphas[1]
-        mixed[..., :-1] = np.where(total > 0, colours / np.where(total > 0, total, 1), mixed[..., :-1])
-    rounded = mixed if np.issubdtype(image.dtype, np.floating) else np.rint(mixed)
+        np.divide(colours, total, out=mixed[..., :-1], where=total > 0)
+    rounded = mixed if is_float else np.rint(mixed)
     result = np.where(share > 0, rounded.astype(image.dtype), image)
     return np.ascontiguousarray(np.where(share < 1, result, rendered))
 
@@ -234,15 +235,14 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
 
 def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int]:
     """Return the number of a planned frame from the name of a file, and that of a region, or 0 for all of them."""
-    stem = Path(name).stem
-    region = re.fullmatch(r".*?(\d+)_([1-9]\d*)", stem)
-    if region is not None:
-        number = int(region[1])
-        place = int(region[2])
-        if number in planned and place <= len(planned[number].regions):
-            return number, place
-    whole = re.fullmatch(r".*?(\d+)", stem)
-    return (int(whole[1]) if whole is not None and int(whole[1]) in planned else None), 0
+    for pattern in (r".*?(\d+)_([1-9]\d*)", r".*?(\d+)()"):
+        match = re.fullmatch(pattern, Path(name).stem)
+        if match is not None:
+            number = int(match[1])
+            place = int(match[2] or 0)
+            if number in planned and place <= len(planned[number].regions):
+                return number, place
+    return None, 0
 
 
 def _of_regions(folder: Path, frame: PlannedFrame, files: Mapping[int, Path]) -> list[Path]:

@@ -125,7 +125,7 @@ def _runs_joined(mask: np.ndarray) -> Iterator[Rectangle]:
     for y, row in enumerate([*mask, np.zeros(mask.shape[1], bool)]):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(np.int8), [0]])))
         runs = {(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)}
-        for begin, end in [run for run in growing if run not in runs]:
+        for begin, end in growing.keys() - runs:
             top = growing.pop((begin, end))
             yield Rectangle(begin, top, end - begin, y - top)
         for run in runs:
@@ -231,12 +231,12 @@ def smooth_over_time(errors: np.ndarray, scenes: np.ndarray) -> np.ndarray:
 
     Errors are (F, rows, columns).
     """
-    after = np.concatenate([errors[1:], errors[-1:]])
-    before = np.concatenate([errors[:1], errors[:-1]])
     same = scenes[1:] == scenes[:-1]
-    goes_on = np.append(same, False)[:, np.newaxis, np.newaxis]
-    came = np.insert(same, 0, False)[:, np.newaxis, np.newaxis]
-    return np.asarray((2 * errors + np.where(goes_on, after, errors) + np.where(came, before, errors)) / 4)
+    after = errors.copy()
+    after[:-1][same] = errors[1:][same]
+    before = errors.copy()
+    before[1:][same] = errors[:-1][same]
+    return np.asarray((2 * errors + after + before) / 4)
 
 
 def clean(masks: np.ndarray, scenes: np.ndarray) -> np.ndarray:
@@ -244,11 +244,10 @@ def clean(masks: np.ndarray, scenes: np.ndarray) -> np.ndarray:
 
     A tile that is chosen in the frames before and after is chosen in the frame between, too.
     """
-    if len(masks) > 2:
-        same = (scenes[:-2] == scenes[2:])[:, np.newaxis, np.newaxis]
-        masks = masks.copy()
-        masks[1:-1] |= masks[:-2] & masks[2:] & same
-    return np.stack([_clean_frame(mask) for mask in masks])
+    same = (scenes[:-2] == scenes[2:])[:, np.newaxis, np.newaxis]
+    closed = masks.copy()
+    closed[1:-1] |= masks[:-2] & masks[2:] & same
+    return np.stack([_clean_frame(mask) for mask in closed])
 
 
 def _clean_frame(mask: np.ndarray) -> np.ndarray:

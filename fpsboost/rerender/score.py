@@ -189,9 +189,8 @@ def _try(
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
     """Return the uncertainty and the error of all tiles of frames whose error is known."""
-    measured = [trial for trial in trials if trial.error is not None]
-    doubts = np.concatenate([trial.doubts[0].ravel() for trial in measured])
-    return doubts, np.concatenate([trial.error.ravel() for trial in measured if trial.error is not None])
+    doubts = np.concatenate([trial.doubts[0].ravel() for trial in trials])
+    return doubts, np.concatenate([trial.error.ravel() for trial in trials if trial.error is not None])
 
 
 def _error_nearby(sides: Sequence[Trial | None], t: float, grid: TileGrid) -> Tiles:
