@@ -83,6 +83,8 @@ class Frame:
     None for others."""
     captions: bytes = b""
     """Closed captions that came since the frame before; see `fpsboost.media.captions_of`."""
+    guide: FrameImage | None = None
+    """Guide of an output frame, also of one that repeats the source's and does not follow it; None without one."""
     motion: PairMotion | None = None
     """Motion between the two frames of the source around it, for a sink that asks for it, with the first frame that is
     made between them."""

@@ -268,6 +268,7 @@ class _Loop:
                     preceding=None if each.is_original else picture,
                     confidence=each.content.confidence,
                     captions=captions,
+                    guide=output.guide,
                     motion=each.motion,
                 )
             if outputs.is_past(output.number + 1):

@@ -94,6 +94,8 @@ class Preview:
     """Expected time per output frame on this machine, by the names of the methods."""
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""
+    has_guide: bool
+    """Whether a guide is given."""
     remarks: Remarks
     """Notes of the conversions, each once."""
     masked: list[str]
@@ -170,6 +172,7 @@ def preview(
         frames,
         {name: _seconds_per_frame(each) for name, each in trials.items()},
         target.kind == "video",
+        job.decoding.guide is not None,
         remarks,
         [] if mask is None else [_tinted(passage, mask, info) for passage in selection.passages],
     )
@@ -336,8 +339,13 @@ def _player_data(preview: Preview) -> PlayerData:
     """Return the frames of all passages for the player of the page."""
     height, width = preview.selection.passages[0].before.image_at(Fraction(0)).shape[:2]
     names = ["before", *preview.trials] if len(preview.trials) > 1 else ["before", "after"]
+    shown = preview.views()
+    if preview.has_guide:
+        names.append("guide")
+        for views, trial in zip(shown, next(iter(preview.trials.values())), strict=True):
+            views["guide"] = replace(trial.after, pictures=trial.after.guides)
     data = PlayerData(names, width, height, float(preview.rate))
-    for number, (passage, views) in enumerate(zip(preview.selection.passages, preview.views(), strict=True)):
+    for number, (passage, views) in enumerate(zip(preview.selection.passages, shown, strict=True)):
         for place in range(_count(preview, passage.before.end)):
             time = place / preview.rate / preview.stretch
             pictures = [view.pictures[view.place_at(time)] for view in views.values()]
@@ -346,7 +354,7 @@ def _player_data(preview: Preview) -> PlayerData:
                     "number": place,
                     "note": format_time(passage.in_clip(time)),
                     "passage": number,
-                    "images": [data.add_picture(data_uri(picture, "jpeg")) for picture in pictures],
+                    "images": [data.add_picture(data_uri(each, "jpeg")) for each in pictures],
                 }
             )
     return data

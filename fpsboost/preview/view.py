@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import Frame
+from fpsboost import Frame, FrameImage
 from fpsboost.extension import VideoTraits, as_shown, turned_upright, view
 
 LONGEST_SIDE = 960  # longer side of a picture on the page, pixels
@@ -29,13 +29,19 @@ class View:
     """JPEG of each frame."""
     end: Fraction = Fraction(0)
     """End of the last frame, seconds after the passage's first frame."""
+    guides: list[bytes] = field(default_factory=list)
+    """JPEG of the guide of each frame, or of the frame itself if it has none."""
 
     def add(self, frame: Frame, time: Fraction) -> None:
         """Add a frame, which is shown from a time on, seconds."""
-        image = self.displayed(view(frame.image).to_bgr())
-        data = cv2.imencode(".jpg", as_shown(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         self.times.append(time)
-        self.pictures.append(data.tobytes())
+        self.pictures.append(self._encoded(frame.image))
+        self.guides.append(self.pictures[-1] if frame.guide is None else self._encoded(frame.guide))
+
+    def _encoded(self, image: FrameImage) -> bytes:
+        """Return an image as JPEG, as it is displayed."""
+        shown = as_shown(self.displayed(view(image).to_bgr()))
+        return cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
 
     def displayed(self, image: np.ndarray) -> np.ndarray:
         """Return an image, or a map of its pixels, as it is displayed and no larger than a page can use."""

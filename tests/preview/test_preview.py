@@ -4,6 +4,7 @@ import base64
 import json
 import os
 import re
+from dataclasses import replace
 from fractions import Fraction
 
 import av
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fpsboost import ConversionJob, Position, RunOptions, Timing, convert, methods
+from fpsboost import ConversionJob, DecodeOptions, Position, RunOptions, Timing, convert, methods
 from fpsboost.io.new_output import write_whole
 from fpsboost.preview.page import LABEL_HEIGHT, estimate_sentence, make_page, preview, write_video
 from fpsboost.preview.places import find_passages
@@ -275,18 +276,45 @@ def page(shown, tmp_path_factory):
     return path
 
 
+def played_in(text):
+    """What the player of a page shows, as it stands there."""
+    return json.loads(text.split('class="played">')[1].split("</script>")[0])
+
+
+def decoded(uri):
+    return cv2.imdecode(np.frombuffer(base64.b64decode(uri.split(",")[1]), np.uint8), cv2.IMREAD_COLOR)
+
+
 def test_page_loads_nothing(page):
     """It is one file without addresses, and shows each picture once however often it is repeated."""
     text = page.read_text()
     assert not re.search(r"(?:src|href)=[\"']?(?!data:|#)[a-z/]", text)
     assert "https://" not in text
     assert not re.search(r"\b(crf|preset|yuv420p|x264)\b", text), "an encoder's parameters are no words for a person"
-    played = json.loads(text.split('class="played">')[1].split("</script>")[0])
+    played = played_in(text)
     assert len(played["uris"]) == len(set(played["uris"]))
     assert len(played["frames"]) == 2 * 2 * RATE
     assert played["frames"][0]["images"][0] == played["frames"][1]["images"][0]
-    first = np.frombuffer(base64.b64decode(played["uris"][0].split(",")[1]), np.uint8)
-    assert cv2.imdecode(first, cv2.IMREAD_COLOR).shape == (HEIGHT, WIDTH, 3)
+    assert decoded(played["uris"][0]).shape == (HEIGHT, WIDTH, 3)
+
+
+def test_guide_is_a_view_of_the_page(tmp_path):
+    """Beside before and after it shows the guide of every frame, those of the source too; without one it is missing."""
+    for folder in ("renders", "cheap"):
+        (tmp_path / folder).mkdir()
+    small = [cv2.resize(scene(number), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for number in range(17)]
+    for number, guide in enumerate(small):
+        cv2.imwrite(str(tmp_path / f"cheap/{number + 1:04}.png"), guide)
+        if number % 2 == 0:
+            cv2.imwrite(str(tmp_path / f"renders/{number + 1:04}.png"), scene(number))
+    job = job_of(tmp_path / "renders", f"{tmp_path}/out/")
+    guided = replace(job, decoding=DecodeOptions(guide=str(tmp_path / "cheap")))
+    alone, played = (played_in(make_page(preview(each, BLEND, RunOptions()), "", [])) for each in (job, guided))
+    assert (alone["names"], played["names"]) == (["before", "after"], ["before", "after", "guide"])
+    assert {len(frame["images"]) for frame in alone["frames"]} == {2}
+    for frame, expected in zip(played["frames"], small, strict=False):
+        picture = decoded(played["uris"][frame["images"][2]])
+        assert np.abs(picture - expected.astype(int)).mean() < 4  # JPEG is lossy
 
 
 @pytest.fixture

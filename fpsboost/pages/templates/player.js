@@ -340,12 +340,13 @@ class Player {
     context.restore();
   }
 
-  /** The pixels of a picture; kept until another frame is shown. */
+  /** The pixels of a picture, at the size of the first view; kept until another frame is shown. */
   pixels(image) {
     if (!this.read.has(image)) {
-      const context = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d", { willReadFrequently: true });
-      context.drawImage(image, 0, 0);
-      this.read.set(image, context.getImageData(0, 0, image.naturalWidth, image.naturalHeight));
+      const { naturalWidth: width, naturalHeight: height } = this.images[0]; // a guide may be smaller
+      const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+      context.drawImage(image, 0, 0, width, height);
+      this.read.set(image, context.getImageData(0, 0, width, height));
     }
     return this.read.get(image);
   }
@@ -357,8 +358,8 @@ class Player {
   /** The first view, and a picture's difference from it enlarged; kept until another frame is shown. */
   boosted(image) {
     if (!this.enlarged.has(image)) {
-      const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight);
       const [truth, other] = [this.images[0], image].map((each) => this.pixels(each));
+      const canvas = new OffscreenCanvas(truth.width, truth.height);
       const drawn = new ImageData(truth.data.map((value, at) => value + BOOST * (other.data[at] - value)), truth.width);
       canvas.getContext("2d").putImageData(drawn, 0, 0);
       this.enlarged.set(image, canvas);
