@@ -58,10 +58,18 @@ FORCE_INLINE float cubic(float distance) {  // with a = -0.75
   return d < 1 ? ((a + 2) * d - (a + 3)) * d * d + 1 : ((a * d - 5 * a) * d + 8 * a) * d - 4 * a;
 }
 
+// Vector of 8 floats, or of 16.
+template <bool IS_LONG> struct RowOf {
+  typedef F8 Type;
+};
+template <> struct RowOf<true> {
+  typedef F16 Type;
+};
+
 // Samples pixels of C values. Four pixels of a row are one vector, in which more may follow them.
 template <Int C> struct Sampler {
   static constexpr Int LANES_OF_ROW = C > 2 ? 16 : 8;
-  typedef float Row __attribute__((vector_size(LANES_OF_ROW * 4)));
+  typedef typename RowOf<(C > 2)>::Type Row;
   typedef float Pixel __attribute__((vector_size(16)));
 
   const float *picture;
