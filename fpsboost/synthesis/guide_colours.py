@@ -42,7 +42,7 @@ class Colours:
 
     def values(self, image: FrameImage) -> Image:
         """Return the numbers that are mixed, (H, W, C) float32: to `WHITE` or by exposure, alpha premultiplied."""
-        return premultiplied(view(image).to_bgr()) * self._scale(image)
+        return premultiplied(view(image).to_bgr().copy()) * self._scale(image)  # contiguous
 
     def _scale(self, image: FrameImage) -> np.float32:
         return self.exposure or WHITE / view(image).white
@@ -61,14 +61,14 @@ class Colours:
     def light(self, levels: np.ndarray) -> np.ndarray:
         """Return the light of `levels`, nearly: that of scene-linear colours, or that of the usual gamma."""
         if self.exposure is None:
-            return np.asarray(cv2.pow(levels.clip(0, WHITE) * (1 / WHITE), GAMMA).reshape(levels.shape) * WHITE)
+            return np.asarray(cv2.pow(levels.clip(0, WHITE) / WHITE, GAMMA).reshape(levels.shape) * WHITE)
         return np.asarray(np.expm1(levels * (np.log1p(STEEPNESS) / WHITE)) / STEEPNESS)
 
     def of_light(self, light: np.ndarray) -> np.ndarray:
         """Return the levels of light; the inverse of `light`."""
         if self.exposure is None:
-            return np.asarray(cv2.pow(light * (1 / WHITE), 1 / GAMMA) * WHITE)
-        logarithm = cv2.log(1 + STEEPNESS * np.maximum(light, 0)).reshape(light.shape)
+            return np.asarray(cv2.pow(light / WHITE, 1 / GAMMA) * WHITE)
+        logarithm = cv2.log(1 + STEEPNESS * light.clip(0)).reshape(light.shape)
         return np.asarray(logarithm * (WHITE / np.log1p(STEEPNESS)))
 
     def shifted(self, values: np.ndarray, difference: np.ndarray) -> np.ndarray:

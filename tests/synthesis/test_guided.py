@@ -113,6 +113,17 @@ def test_guides_may_have_an_exposure_each(factor: int) -> None:
     assert abs(np.mean(made - truth.astype(float))) < 0.5
 
 
+@pytest.mark.parametrize("is_told", [False, True])
+def test_pictures_may_be_views_of_others(is_told: bool) -> None:
+    """Frames and guides whose channels are planes in memory give what their copies give."""
+    pictures = [*scene((0, 60, 80)), *(small(each, 1) for each in scene((0, 60, 80)))]
+    views = [np.ascontiguousarray(each.transpose(2, 0, 1)).transpose(1, 2, 0) for each in pictures]
+    first, _, last, of_first, guide, of_last = range(6)
+    order = (first, last, guide, *((of_first, of_last) if is_told else ()))
+    results = [guided(*(each[number] for number in order)) for each in (pictures, views)]
+    np.testing.assert_array_equal(*results)
+
+
 def test_what_no_frame_shows_comes_from_the_guide() -> None:
     """Something that is in neither frame is in the result as the guide shows it."""
     first, truth, last = scene((0, 40, 80))
