@@ -48,7 +48,7 @@ FORCE_INLINE float unexplained_share(const Frames<uint8_t> &frames, Int place0, 
   return clamp(1 - explained / sums.tt, 0.0f, 1.0f);
 }
 
-// Labels of one point in order of their similarity, maybe without the last one.
+// Labels of one point in order of falling similarity, but for the last one, which may be the expected motion.
 struct Labels {
   Int count;
   float *similarity;
