@@ -168,7 +168,9 @@ def _self_test() -> Iterator[Finding]:
 
     texture = np.random.default_rng(0).integers(0, 256, (24, 60, 3), np.uint8).repeat(4, axis=0).repeat(4, axis=1)
     for method, known in known_digests.items():
-        bits = "same results as elsewhere" if self_test(methods[method], texture).startswith(known) else OTHER_BITS
+        bits = (
+            "same results as on other machines" if self_test(methods[method], texture).startswith(known) else OTHER_BITS
+        )
         made = interpolate(texture, np.roll(texture, 8, axis=1), method=method)
         error = float(np.abs(made.astype(float) - np.roll(texture, 4, axis=1))[16:-16, 16:-16].mean())
         advice = "" if error <= MAX_ERROR else f"Frames of {method} are wrong; {REINSTALL}"

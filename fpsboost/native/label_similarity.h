@@ -39,11 +39,8 @@ FORCE_INLINE float unexplained_share(const Frames<uint8_t> &frames, Int place0, 
   const Products<float> sums = window_products<false>(frames.first + place0 - corner, frames.second + place1 - corner,
                                                       frames.stride, frames.plane, 0);
   if (!(sums.tt > 0)) return 1;
-  const float xx = sums.xx + FLAT, xy = sums.xy, yy = sums.yy + FLAT, limit = MAX_FRACTION / 4;
-  const float determinant = max(xx * yy - xy * xy, FLAT * (xx + yy) * 0.5f);
-  // gradients were summed over four pixels
-  const float x = clamp((yy * sums.xt - xy * sums.yt) / determinant, -limit, limit);
-  const float y = clamp((xx * sums.yt - xy * sums.xt) / determinant, -limit, limit);
+  const Vector along = solve(sums, FLAT);
+  const float limit = MAX_FRACTION / 4, x = clamp(along.dx, -limit, limit), y = clamp(along.dy, -limit, limit);
   const float explained = 2 * (x * sums.xt + y * sums.yt) - x * x * sums.xx - 2 * x * y * sums.xy - y * y * sums.yy;
   return clamp(1 - explained / sums.tt, 0.0f, 1.0f);
 }

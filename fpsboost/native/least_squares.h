@@ -81,11 +81,14 @@ FORCE_INLINE Products<float> window_products(const uint8_t *first, const uint8_t
           sum_lanes(total.xt), sum_lanes(total.yt), sum_lanes(total.tt)};
 }
 
-// How much of a step to trust, 0 to 1, given how much of the squared change it explains. Two free parameters explain
-// some of any noise, which is no evidence of motion (positive-part shrinkage of James and Stein 1961).
-FORCE_INLINE float significance(float explained, float change) {
-  const float rest = max(change - explained, 0.0f) * float(1 / (WINDOW_SIDE * WINDOW_SIDE / 2.0 - 1));
-  return max(explained - rest, 0.0f) / max(explained, 1e-20f);
+// The multiples of the gradients that are closest to the temporal difference, of products that are sums over a window;
+// `damping` limits them where gradients are small. As gradients were summed over four pixels, these are minus a quarter
+// of the step that the second frame takes.
+FORCE_INLINE Vector solve(const Products<float> &sums, float damping) {
+  const float xx = sums.xx + damping, xy = sums.xy, yy = sums.yy + damping;
+  // along a straight edge, rounding could make the determinant zero or negative
+  const float determinant = max(xx * yy - xy * xy, damping * (xx + yy) * 0.5f);
+  return {(yy * sums.xt - xy * sums.yt) / determinant, (xx * sums.yt - xy * sums.xt) / determinant};
 }
 
 }  // namespace

@@ -3,6 +3,13 @@
 
 namespace {
 
+// How much of a step to trust, 0 to 1, given how much of the squared change it explains. Two free parameters explain
+// some of any noise, which is no evidence of motion (positive-part shrinkage of James and Stein 1961).
+FORCE_INLINE float significance(float explained, float change) {
+  const float rest = max(change - explained, 0.0f) * float(1 / (WINDOW_SIDE * WINDOW_SIDE / 2.0 - 1));
+  return max(explained - rest, 0.0f) / max(explained, 1e-20f);
+}
+
 // Fetches a window ahead, as processors do not foresee small windows of many rows.
 FORCE_INLINE void prefetch_rows(const uint8_t *row, Int stride, Int plane) {
   for (Int j = 0; j < WINDOW_SIDE; j++, row += stride)
@@ -37,15 +44,10 @@ void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &arg
         prefetch_rows(first + 2 * step + WINDOW_SIDE, stride, frames.plane);
         prefetch_rows(second + 2 * step + WINDOW_SIDE, stride, frames.plane);
         const Products<float> sums = window_products<true>(first, second, stride, frames.plane, tail);
-        const float xx = sums.xx + damping, xy = sums.xy, yy = sums.yy + damping;
-        // along a straight edge, rounding could make the determinant zero or negative
-        const float determinant = max(xx * yy - xy * xy, damping * (xx + yy) * 0.5f);
-        const float along_x = (yy * sums.xt - xy * sums.yt) / determinant;
-        const float along_y = (xx * sums.yt - xy * sums.xt) / determinant;
-        // gradients were summed over four pixels
-        const float factor = -4 * significance(along_x * sums.xt + along_y * sums.yt, sums.tt);
-        vector[0] = dx + clamp(factor * along_x, -largest, largest);
-        vector[1] = dy + clamp(factor * along_y, -largest, largest);
+        const Vector along = solve(sums, damping);
+        const float factor = -4 * significance(along.dx * sums.xt + along.dy * sums.yt, sums.tt);
+        vector[0] = dx + clamp(factor * along.dx, -largest, largest);
+        vector[1] = dy + clamp(factor * along.dy, -largest, largest);
         const float x = __builtin_rintf(vector[0]), y = __builtin_rintf(vector[1]);
         if (x == dx && y == dy) break;
         dx = x;
