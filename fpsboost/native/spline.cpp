@@ -110,8 +110,8 @@ FORCE_INLINE float sample_spline(const View<const float, 3> &coefficients, Int p
   const Int stride = coefficients.shape[2];
   from += plane * coefficients.shape[1] * stride;
   float rows[TAPS];
-  for (int j = 0; j < TAPS; j++) rows[j] = filter<float>(from + j * stride, 1, taps.across) + 0;  // no zero is negative
-  return filter<float>(rows, 1, taps.down) + 0;
+  for (int j = 0; j < TAPS; j++) rows[j] = filter(from + j * stride, taps.across) + 0;  // no zero is negative
+  return filter(rows, taps.down) + 0;
 }
 
 }  // namespace

@@ -39,23 +39,37 @@ FORCE_INLINE const float *find_taps(const float *coefficients, Int stride, float
   return coefficients + (top - 1) * stride + left - 1;
 }
 
-template <typename V>
-FORCE_INLINE V filter(const float *from, Int step, const float *weights) {
-  V sum = load<V>(from) * weights[0];
-  for (int n = 1; n < TAPS; n++) sum = fma(load<V>(from + n * step), broadcast<V>(weights[n]), sum);
+FORCE_INLINE float filter(const float *from, const float *weights) {
+  float sum = from[0] * weights[0];
+  for (int n = 1; n < TAPS; n++) sum = fma(from[n], weights[n], sum);
   return sum;
 }
 
-// Filters rows of `wide` samples horizontally into `rows`, with room for three more than are `tall`, then vertically.
-template <typename V>
-FORCE_INLINE void filter_rows(const float *from, Int stride, const Taps &taps, Int wide, Int tall, float *rows,
-                              float *out, Int out_stride) {
-  for (Int j = 0; j < tall + TAPS - 1; j++)
-    for (Int i = 0; i < wide; i += lane_count<V>)
-      store(rows + j * wide + i, filter<V>(from + j * stride + i, 1, taps.across));
-  for (Int j = 0; j < tall; j++)
-    for (Int i = 0; i < wide; i += lane_count<V>)
-      store(out + j * out_stride + i, filter<V>(rows + j * wide + i, wide, taps.down));
+// Samples columns of `tall` samples, from row to row, and calls take(row, samples). The rows of coefficients that are
+// filtered horizontally stay in registers. Meanwhile, what is `ahead` values on is fetched.
+template <typename V, typename Take>
+FORCE_INLINE void sample_columns(const float *from, Int stride, const Taps &taps, Int tall, Int ahead,
+                                 const Take &take) {
+  V across[TAPS], down[TAPS];
+  for (int k = 0; k < TAPS; k++) {
+    across[k] = broadcast<V>(taps.across[k]);
+    down[k] = broadcast<V>(taps.down[k]);
+  }
+  const auto filter_row = [&]() INLINE_LAMBDA {
+    V sum = load<V>(from) * across[0];
+    for (int k = 1; k < TAPS; k++) sum = fma(load<V>(from + k), across[k], sum);
+    if (ahead) __builtin_prefetch(from + ahead);
+    from += stride;
+    return sum;
+  };
+  V first = filter_row(), second = filter_row(), third = filter_row();
+  for (Int j = 0; j < tall; j++) {
+    const V fourth = filter_row();
+    take(j, fma(fourth, down[3], fma(third, down[2], fma(second, down[1], first * down[0]))));
+    first = second;
+    second = third;
+    third = fourth;
+  }
 }
 
 }  // namespace

@@ -125,86 +125,64 @@ FORCE_INLINE Position locate_block(Position window, float share, const Motion &m
 }
 
 // Samples columns of both frames, blends them and adds up the squares of their differences. One frame is sampled after
-// the other, as the weights and rows of both would not fit into the registers. Meanwhile, what is `ahead` columns on is
-// fetched: processors do not foresee small windows of many rows.
+// the other, as the weights and rows of both would not fit into the registers. What is `ahead` values on is fetched, as
+// processors do not foresee small windows of many rows.
 template <typename V>
 FORCE_INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], const Taps taps[2], Int tall,
-                              float t, float *mixed, float *change, float *distance, const Int *ahead = nullptr) {
+                              float t, float *mixed, float *change, float *distance, const Int ahead[2]) {
   V samples[WINDOW];
-  for (int n = 0; n < 2; n++) {
-    const Int stride = layer.coefficients[n].shape[2];
-    const float *next = from[n];
-    V across[TAPS], down[TAPS];
-    for (int k = 0; k < TAPS; k++) {
-      across[k] = broadcast<V>(taps[n].across[k]);
-      down[k] = broadcast<V>(taps[n].down[k]);
-    }
-    const auto filter_row = [&]() INLINE_LAMBDA {
-      V sum = load<V>(next) * across[0];
-      for (int k = 1; k < TAPS; k++) sum = fma(load<V>(next + k), across[k], sum);
-      if (ahead) __builtin_prefetch(next + ahead[n]);
-      next += stride;
-      return sum;
-    };
-    V first = filter_row(), second = filter_row(), third = filter_row();
-    for (Int j = 0; j < tall; j++) {
-      const V fourth = filter_row();
-      const V sum = fma(fourth, down[3], fma(third, down[2], fma(second, down[1], first * down[0])));
-      first = second;
-      second = third;
-      third = fourth;
-      if (n == 0) {
-        samples[j] = sum;
-        continue;
-      }
-      const Int row = j * layer.wide;
-      const V difference = sum - samples[j];
-      store(distance + row, fma(difference, difference, load<V>(distance + row)));
-      store(mixed + row, fma(broadcast<V>(t), difference, samples[j]));
-      store(change + row, difference);
-    }
-  }
+  sample_columns<V>(from[0], layer.coefficients[0].shape[2], taps[0], tall, ahead[0],
+                    [&](Int j, V sum) INLINE_LAMBDA { samples[j] = sum; });
+  sample_columns<V>(from[1], layer.coefficients[1].shape[2], taps[1], tall, ahead[1], [&](Int j, V sum) INLINE_LAMBDA {
+    const Int row = j * layer.wide;
+    const V difference = sum - samples[j];
+    store(distance + row, fma(difference, difference, load<V>(distance + row)));
+    store(mixed + row, fma(broadcast<V>(t), difference, samples[j]));
+    store(change + row, difference);
+  });
 }
 
 inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
+  Taps taps[2];
+  const float *first[2];
+  Int plane_size[2];
+  for (int n = 0; n < 2; n++) {
+    const View<const float, 3> &plane = layer.coefficients[n];
+    plane_size[n] = plane.shape[1] * plane.shape[2];
+    first[n] = find_taps(plane.data, plane.shape[2], place.in_frame[n].y, place.in_frame[n].x, sharpening_at(t),
+                         taps[n]);
+  }
   for (Int c = 0; c < layer.channels; c++) {
     Int ahead[2];  // the next plane, and from the last one on, the next window of the first one
-    for (int n = 0; n < 2; n++) {
-      const Int size = layer.coefficients[n].shape[1] * layer.coefficients[n].shape[2];
-      ahead[n] = c < layer.channels - 1 ? size : layer.wide - c * size;
-    }
-    Taps taps[2];
-    const float *from[2];
-    for (int n = 0; n < 2; n++) {
-      const Position position = place.in_frame[n];
-      from[n] = find_taps(layer.coefficients[n].ptr(c), layer.coefficients[n].shape[2], position.y, position.x,
-                          sharpening_at(t), taps[n]);
-    }
+    for (int n = 0; n < 2; n++) ahead[n] = c < layer.channels - 1 ? plane_size[n] : layer.wide - c * plane_size[n];
     for (Int i = 0; i < layer.wide; i += lane_count<Wide>) {
-      const float *const columns[2] = {from[0] + i, from[1] + i};
+      const float *const from[2] = {first[0] + c * plane_size[0] + i, first[1] + c * plane_size[1] + i};
       const Int to = c * layer.size + i;
-      mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i,
+      mix_columns<Wide>(layer, from, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i,
                         ahead);
     }
   }
 }
 
 inline void mix_blocks(LayerSamples &layer, const WindowPlace &place, const Motion &motion, float t) {
-  for (Int c = 0; c < layer.channels; c++)
-    for (Int down = 0; down < layer.tall; down += BLOCK)
-      for (Int across = 0; across < layer.wide; across += BLOCK) {
-        Taps taps[2];
-        const float *from[2];
-        for (int n = 0; n < 2; n++) {
-          const View<const float, 3> &plane = layer.coefficients[n];
-          const Position position = locate_block(place.in_frame[n], n == 0 ? -t : 1 - t, motion, down, across,
-                                                 layer.tall, layer.wide, plane.shape[1], plane.shape[2]);
-          from[n] = find_taps(plane.ptr(c), plane.shape[2], position.y, position.x, sharpening_at(t), taps[n]);
-        }
-        const Int first = down * layer.wide + across, in_plane = c * layer.size + first;
-        mix_columns<F8>(layer, from, taps, BLOCK, t, layer.mixed + in_plane, layer.change + in_plane,
-                        layer.distance + first);
+  for (Int down = 0; down < layer.tall; down += BLOCK)
+    for (Int across = 0; across < layer.wide; across += BLOCK) {
+      Taps taps[2];
+      const float *from[2];
+      for (int n = 0; n < 2; n++) {
+        const View<const float, 3> &plane = layer.coefficients[n];
+        const Position position = locate_block(place.in_frame[n], n == 0 ? -t : 1 - t, motion, down, across, layer.tall,
+                                               layer.wide, plane.shape[1], plane.shape[2]);
+        from[n] = find_taps(plane.data, plane.shape[2], position.y, position.x, sharpening_at(t), taps[n]);
       }
+      const Int first = down * layer.wide + across, nothing_ahead[2] = {};
+      for (Int c = 0; c < layer.channels; c++) {
+        const Int in_plane = c * layer.size + first;
+        mix_columns<F8>(layer, from, taps, BLOCK, t, layer.mixed + in_plane, layer.change + in_plane,
+                        layer.distance + first, nothing_ahead);
+        for (int n = 0; n < 2; n++) from[n] += layer.coefficients[n].shape[1] * layer.coefficients[n].shape[2];
+      }
+    }
 }
 
 // Samples a window in blocks from a plane of `rows` x `stride` coefficients.
@@ -213,20 +191,21 @@ inline void filter_blocks(const float *coefficients, Int rows, Int stride, Posit
   for (Int down = 0; down < tall; down += BLOCK)
     for (Int across = 0; across < wide; across += BLOCK) {
       const Position position = locate_block(window, share, motion, down, across, tall, wide, rows, stride);
-      alignas(64) float filtered[(BLOCK + TAPS - 1) * BLOCK];
       Taps taps;
       const float *from = find_taps(coefficients, stride, position.y, position.x, sharpening, taps);
-      filter_rows<F8>(from, stride, taps, BLOCK, BLOCK, filtered, out + down * wide + across, wide);
+      float *to = out + down * wide + across;
+      sample_columns<F8>(from, stride, taps, BLOCK, 0, [=](Int j, F8 row) INLINE_LAMBDA { store(to + j * wide, row); });
     }
 }
 
 // Samples a window that moves as a whole.
 inline void filter_rigid(const float *coefficients, Int stride, Position window, float sharpening, Int wide, Int tall,
                          float *out) {
-  alignas(64) float filtered[(WINDOW + TAPS - 1) * WINDOW];
   Taps taps;
   const float *from = find_taps(coefficients, stride, window.y, window.x, sharpening, taps);
-  filter_rows<F16>(from, stride, taps, wide, tall, filtered, out, wide);
+  for (Int i = 0; i < wide; i += lane_count<Wide>)
+    sample_columns<Wide>(from + i, stride, taps, tall, 0,
+                         [=](Int j, Wide row) INLINE_LAMBDA { store(out + j * wide + i, row); });
 }
 
 // Copies a window that begins at a pixel, which may lie outside of the frame: its edges are repeated.
