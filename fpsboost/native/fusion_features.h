@@ -101,66 +101,105 @@ inline void fetch_luma(int frame, Int top, Int left, const Motion &motion, float
                   BLOCKS_2X2_PER_ROW, out);
 }
 
-struct PointValues {  // what a motion field says at a place
-  double similarity, agreement, consistency, flatness;
+struct FieldValues {  // what a motion field says at a place of each 8x8 block
+  alignas(64) float similarity[BLOCKS_8X8], agreement[BLOCKS_8X8], consistency[BLOCKS_8X8], flatness[BLOCKS_8X8];
 };
 
-// Looks up the field at a place in units of points, bilinearly, and how far it agrees with a motion.
-FORCE_INLINE PointValues look_up(const View<const float, 3> &points, double x, double y, double dx, double dy) {
-  const Int rows = points.shape[0], columns = points.shape[1];
-  x = clamp(x - 0.5, 0.0, double(columns - 1));
-  y = clamp(y - 0.5, 0.0, double(rows - 1));
-  const Int left = Int(x), top = Int(y), right = min(left + 1, columns - 1), bottom = min(top + 1, rows - 1);
-  const double part_x = x - double(left), part_y = y - double(top);
-  const double shares[] = {(1 - part_y) * (1 - part_x), (1 - part_y) * part_x, part_y * (1 - part_x), part_y * part_x};
-  const float *const corners[] = {points.ptr(top, left), points.ptr(top, right), points.ptr(bottom, left),
-                                  points.ptr(bottom, right)};
-  PointValues sum = {};
-  for (int n = 0; n < 4; n++) {
-    const float *point = corners[n];
-    sum.similarity += shares[n] * double(point[2]);
-    const double difference = max(__builtin_fabs(double(point[0]) - dx), __builtin_fabs(double(point[1]) - dy));
-    sum.agreement += shares[n] / (1 + difference);
-    sum.consistency += shares[n] * double(point[3]);
-    sum.flatness += shares[n] * double(point[4]);
+// Looks up the field at places in units of points, bilinearly, and how far its points agree with motions.
+inline void look_up(const View<const float, 3> &points, F16 x, F16 y, F16 dx, F16 dy, FieldValues &found) {
+  constexpr int CORNERS = 4, VALUES = 5;  // of a point: motion, similarity, consistency, flatness
+  const int rows = int(points.shape[0]), columns = int(points.shape[1]);
+  x = min(max(x - 0.5f, F16{}), broadcast<F16>(float(columns - 1)));
+  y = min(max(y - 0.5f, F16{}), broadcast<F16>(float(rows - 1)));
+  const I16 left = __builtin_convertvector(x, I16), top = __builtin_convertvector(y, I16);
+  const I16 rightward = min(left + 1, I16{} + (columns - 1)) - left, downward = min(top + 1, I16{} + (rows - 1)) - top;
+  const I16 first = (top * columns + left) * VALUES, across = rightward * VALUES, down = downward * columns * VALUES;
+  const F16 part_x = x - __builtin_convertvector(left, F16), part_y = y - __builtin_convertvector(top, F16);
+  alignas(64) int32_t places[CORNERS][BLOCKS_8X8];
+  store(places[0], first);
+  store(places[1], first + across);
+  store(places[2], first + down);
+  store(places[3], first + down + across);
+  alignas(64) float shares[CORNERS][BLOCKS_8X8], motions[CORNERS][BLOCKS_8X8][2], sums[BLOCKS_8X8][CORNERS];
+  store(shares[0], (1 - part_y) * (1 - part_x));
+  store(shares[1], (1 - part_y) * part_x);
+  store(shares[2], part_y * (1 - part_x));
+  store(shares[3], part_y * part_x);
+  for (int block = 0; block < BLOCKS_8X8; block++) {
+    F4 sum{};
+    for (int n = 0; n < CORNERS; n++) {
+      const float *point = points.data + places[n][block];
+      __builtin_memcpy(motions[n][block], point, sizeof motions[n][block]);
+      sum += load<F4>(point + 1) * shares[n][block];  // all but dx
+    }
+    store(sums[block], sum);
   }
-  return sum;
+  F16 agreement{};
+  for (int n = 0; n < CORNERS; n++) {
+    const F16 lower = load<F16>(motions[n][0]), upper = load<F16>(motions[n][BLOCKS_8X8 / 2]);
+    const F16 difference = max(absolute(even_lanes(lower, upper) - dx), absolute(odd_lanes(lower, upper) - dy));
+    agreement += load<F16>(shares[n]) / (1 + difference);
+  }
+  store(found.agreement, agreement);
+  for (int block = 0; block < BLOCKS_8X8; block++) {
+    found.similarity[block] = sums[block][1];
+    found.consistency[block] = sums[block][2];
+    found.flatness[block] = sums[block][3];
+  }
 }
 
-// Writes what the motion fields say of a candidate, in double precision; and the flatness of each 8x8 block.
-inline void extract_field_features(Int top, Int left, const Motion &motion, float t, const PairContext &context,
-                                   Features &features, float *flatness) {
-  const View<const float, 3> points[] = {View<const float, 3>(context.points[0]),
-                                         View<const float, 3>(context.points[1])};
-  const View<const float, 3> landings(context.landings);
-  const float curve = t * (1 - t) * 0.5f, per_step = 1 / float(context.step);
-  const float bent_x = curve * motion.acceleration_x, bent_y = curve * motion.acceleration_y;
-  const double turns = motion.is_rigid() ? 0 : 1;
-  for (int block = 0; block < BLOCKS_8X8; block++) {
-    const float across = float(block % BLOCKS_8X8_PER_ROW * SIDE_8X8 + SIDE_8X8 / 2),
-                down = float(block / BLOCKS_8X8_PER_ROW * SIDE_8X8 + SIDE_8X8 / 2);
-    const double from_x = (double(across) - WINDOW / 2) * turns, from_y = (double(down) - WINDOW / 2) * turns;
-    const double dx = motion.dx + from_x * double(motion.dx_along_x) + from_y * double(motion.dx_along_y);
-    const double dy = motion.dy + from_x * double(motion.dy_along_x) + from_y * double(motion.dy_along_y);
-    const float x = float(left) + across, y = float(top) + down;
-    const double x0 = x - t * dx + bent_x, y0 = y - t * dy + bent_y;
-    flatness[block] = 0;
-    for (int n = 0; n < 2; n++) {
-      const double sign = 1 - 2 * n;
-      const PointValues found =
-          look_up(points[n], (x0 + n * dx) * per_step, (y0 + n * dy) * per_step, sign * dx, sign * dy);
-      features.blocks_8x8[SEARCH_SIMILARITY + n][block] = float(found.similarity);
-      features.blocks_8x8[AGREEMENT + n][block] = float(found.agreement);
-      features.blocks_8x8[CONSISTENCY + n][block] = float(found.consistency);
-      flatness[block] = float(flatness[block] + 0.5 * found.flatness);
+struct BlockCentres {  // of the 8x8 blocks, pixels from the first of the window
+  alignas(64) float across[BLOCKS_8X8], down[BLOCKS_8X8];
+
+  constexpr BlockCentres() : across(), down() {
+    for (int block = 0; block < BLOCKS_8X8; block++) {
+      across[block] = float(block % BLOCKS_8X8_PER_ROW * SIDE_8X8 + SIDE_8X8 / 2);
+      down[block] = float(block / BLOCKS_8X8_PER_ROW * SIDE_8X8 + SIDE_8X8 / 2);
     }
+  }
+};
+constexpr BlockCentres BLOCK_CENTRES;
+
+FORCE_INLINE void write_distance(Features &features, int feature) {
+  const float(*values)[BLOCKS_8X8] = features.blocks_8x8 + feature;
+  store(features.blocks_8x8[feature + 2], absolute(load<F16>(values[0]) - load<F16>(values[1])));
+}
+
+// Writes how many points land at each 8x8 block, which is the same for all candidates of a node.
+inline void extract_landings(Int top, Int left, const PairContext &context, Features &features) {
+  const View<const float, 3> landings(context.landings);
+  const float per_step = 1 / float(context.step);
+  for (int block = 0; block < BLOCKS_8X8; block++) {
+    const float x = float(left) + BLOCK_CENTRES.across[block], y = float(top) + BLOCK_CENTRES.down[block];
     const Int row = clamp(Int(__builtin_floorf(y * per_step)), Int(0), landings.shape[1] - 1);
     const Int column = clamp(Int(__builtin_floorf(x * per_step)), Int(0), landings.shape[2] - 1);
     for (int n = 0; n < 2; n++) features.blocks_8x8[LANDINGS + n][block] = landings(n, row, column);
   }
-  for (int n = 0; n < FEATURES_8X8; n += 3)
-    store(features.blocks_8x8[n + 2],
-          absolute(load<F16>(features.blocks_8x8[n]) - load<F16>(features.blocks_8x8[n + 1])));
+  write_distance(features, LANDINGS);
+}
+
+// Writes what the motion fields say of a candidate, and the flatness of each 8x8 block.
+inline void extract_field_features(Int top, Int left, const Motion &motion, float t, const PairContext &context,
+                                   Features &features, float *flatness) {
+  const float curve = t * (1 - t) * 0.5f, per_step = 1 / float(context.step), turns = motion.is_rigid() ? 0 : 1;
+  const F16 across = load<F16>(BLOCK_CENTRES.across), down = load<F16>(BLOCK_CENTRES.down);
+  const F16 from_x = (across - float(WINDOW / 2)) * turns, from_y = (down - float(WINDOW / 2)) * turns;
+  const F16 dx = motion.dx + from_x * motion.dx_along_x + from_y * motion.dx_along_y;
+  const F16 dy = motion.dy + from_x * motion.dy_along_x + from_y * motion.dy_along_y;
+  const F16 x0 = float(left) + across - t * dx + curve * motion.acceleration_x;
+  const F16 y0 = float(top) + down - t * dy + curve * motion.acceleration_y;
+  FieldValues found[2];
+  look_up(View<const float, 3>(context.points[0]), x0 * per_step, y0 * per_step, dx, dy, found[0]);
+  look_up(View<const float, 3>(context.points[1]), (x0 + dx) * per_step, (y0 + dy) * per_step, -dx, -dy, found[1]);
+  for (int n = 0; n < 2; n++) {
+    store(features.blocks_8x8[SEARCH_SIMILARITY + n], load<F16>(found[n].similarity));
+    store(features.blocks_8x8[AGREEMENT + n], load<F16>(found[n].agreement));
+    store(features.blocks_8x8[CONSISTENCY + n], load<F16>(found[n].consistency));
+  }
+  store(flatness, 0.5f * (load<F16>(found[0].flatness) + load<F16>(found[1].flatness)));
+  write_distance(features, SEARCH_SIMILARITY);
+  write_distance(features, AGREEMENT);
+  write_distance(features, CONSISTENCY);
 }
 
 // Writes the similarities of the frames onward, before and after the two, along a candidate.

@@ -23,7 +23,7 @@ struct NodeSums {                                                   // over the 
   float min_weight, min_similarity;       // of any 2x2 block: plain weight so far, largest similarity
   // The dominant motion is that of the candidate which matches most of the window, times its share of the votes: on
   // flat ground, whatever is in front matches as well.
-  alignas(64) float mismatch[BLOCKS_2X2];
+  alignas(64) float mismatch[BLOCKS_2X2_PER_ROW][3 * BLOCKS_2X2_PER_ROW];  // with zeros on both sides of the window
   float matched;
   Motion dominant;
 
@@ -32,6 +32,7 @@ struct NodeSums {                                                   // over the 
       weights[i] = MIN_WEIGHT_SUM;
       similarities[i] = max_similarity[i] = reached[i] = 0;
     }
+    __builtin_memset(mismatch, 0, sizeof mismatch);
     min_weight = min_similarity = matched = 0;
     dominant = {};
   }
@@ -68,17 +69,22 @@ inline void find_plain_weights(float prior, const Weighting &weighting, Candidat
 }
 
 // Writes the mismatch, bilinearly, of the place so many 2x2 blocks on from each; 0 outside of the window.
-inline void find_mismatch(const float *mismatch, float down, float across, float *moved) {
+inline void find_mismatch(const NodeSums &sums, float down, float across, float *moved) {
+  constexpr Int SIZE = BLOCKS_2X2_PER_ROW;
   const float whole_y = __builtin_floorf(down), whole_x = __builtin_floorf(across);
   const float below = down - whole_y, right = across - whole_x;
-  const int size = BLOCKS_2X2_PER_ROW;
-  for (int i = 0; i < BLOCKS_2X2; i++) moved[i] = 0;
-  for (int corner = 0; corner < 4; corner++) {
-    const Int y = Int(whole_y) + corner / 2, x = Int(whole_x) + corner % 2;
-    const float share = (corner / 2 ? below : 1 - below) * (corner % 2 ? right : 1 - right);
-    for (Int j = max(Int(0), -y); j < min(Int(size), size - y); j++)
-      for (Int i = max(Int(0), -x); i < min(Int(size), size - x); i++)
-        moved[j * size + i] += share * mismatch[(j + y) * size + i + x];
+  const bool overlaps = min(whole_y, whole_x) >= -SIZE && max(whole_y, whole_x) < SIZE;
+  const Int y = overlaps ? Int(whole_y) : SIZE, x = overlaps ? Int(whole_x) : 0;
+  for (Int j = 0; j < SIZE; j++) {
+    F16 sum{};
+    for (Int n = 0; n < 2; n++) {
+      const Int row = j + y + n;
+      if (row < 0 || row >= SIZE) continue;
+      const float *from = sums.mismatch[row] + SIZE + x, share = n ? below : 1 - below;
+      sum += share * (1 - right) * load<F16>(from);
+      sum += share * right * load<F16>(from + 1);
+    }
+    store(moved + j * SIZE, sum);
   }
 }
 
@@ -119,15 +125,13 @@ inline void find_foreground(float scale, float prior, Int top, Int left, const M
   alignas(64) float match[BLOCKS_2X2], front[BLOCKS_2X2], other[BLOCKS_2X2];
   float *gain = candidate.gain;
   write_decay(candidate.squared, 0, scale * FOREGROUND_SCALE, 1, match);
-  float matched = 0;
-  for (int i = 0; i < BLOCKS_2X2; i++) {
-    matched += prior * match[i];
-    gain[i] = 1;
-  }
+  for (int i = 0; i < BLOCKS_2X2; i++) gain[i] = 1;
+  const float matched = prior * sum_of(match);
   if (matched > sums.matched) {
     sums.matched = matched;
     sums.dominant = motion;
-    for (int i = 0; i < BLOCKS_2X2; i++) sums.mismatch[i] = 1 - match[i];
+    for (int j = 0; j < BLOCKS_2X2_PER_ROW; j++)
+      store(sums.mismatch[j] + BLOCKS_2X2_PER_ROW, 1 - load<F16>(match + j * BLOCKS_2X2_PER_ROW));
     return;
   }
   const float dx = motion.dx - sums.dominant.dx, dy = motion.dy - sums.dominant.dy, curve = t * (1 - t) * 0.5f;
@@ -135,17 +139,22 @@ inline void find_foreground(float scale, float prior, Int top, Int left, const M
   if (motion_difference <= 0) return;
   const float bent_x = curve * (motion.acceleration_x - sums.dominant.acceleration_x);
   const float bent_y = curve * (motion.acceleration_y - sums.dominant.acceleration_y);
-  find_mismatch(sums.mismatch, (bent_y - t * dy) * 0.5f, (bent_x - t * dx) * 0.5f, front);
-  find_mismatch(sums.mismatch, (bent_y + (1 - t) * dy) * 0.5f, (bent_x + (1 - t) * dx) * 0.5f, other);
+  find_mismatch(sums, (bent_y - t * dy) * 0.5f, (bent_x - t * dx) * 0.5f, front);
+  find_mismatch(sums, (bent_y + (1 - t) * dy) * 0.5f, (bent_x + (1 - t) * dx) * 0.5f, other);
   const float share = min((distance - NEAR_MOTION) / (FAR_MOTION - NEAR_MOTION), 1.f);
   if (share > 0) raise_mismatch(share, top, left, motion, sums.dominant, t, context, front, other);
-  for (int i = 0; i < BLOCKS_2X2; i++) {
-    const int block =
-        2 * (i / BLOCKS_2X2_PER_ROW) / SIDE_8X8 * BLOCKS_8X8_PER_ROW + 2 * (i % BLOCKS_2X2_PER_ROW) / SIDE_8X8;
-    const float agreement =
-        min(candidate.features.blocks_8x8[AGREEMENT][block], candidate.features.blocks_8x8[AGREEMENT + 1][block]);
-    front[i] = min(front[i], other[i]) * motion_difference * min(FOREGROUND_AGREEMENT * agreement, 1.f);
-    other[i] = front[i] * match[i];
+  const float *agreement0 = candidate.features.blocks_8x8[AGREEMENT], *agreement1 = agreement0 + BLOCKS_8X8;
+  for (int j = 0; j < BLOCKS_2X2_PER_ROW; j++) {
+    alignas(64) float agreement[BLOCKS_2X2_PER_ROW];
+    for (int i = 0; i < BLOCKS_2X2_PER_ROW; i++) {
+      const int block = 2 * j / SIDE_8X8 * BLOCKS_8X8_PER_ROW + 2 * i / SIDE_8X8;
+      agreement[i] = min(FOREGROUND_AGREEMENT * min(agreement0[block], agreement1[block]), 1.f);
+    }
+    const int row = j * BLOCKS_2X2_PER_ROW;
+    const F16 least = min(load<F16>(front + row), load<F16>(other + row));
+    const F16 in_front = least * motion_difference * load<F16>(agreement);
+    store(front + row, in_front);
+    store(other + row, in_front * load<F16>(match + row));
   }
   average_patches(other, gain);
   average_patches(front, match);
@@ -257,6 +266,7 @@ FORCE_INLINE NodeSums weigh_candidates(Int row, Int column, const Candidates &ca
   const Int height = full.planes[0].shape[1], width = full.planes[0].shape[2];
   const NodeCandidates node(candidates, row, column);
   bool is_enough = false;
+  if (context) extract_landings(top, left, *context, candidate.features);
   for (Int k = 0; k < node.count; k++) {
     const float prior = node.priors[k];
     if (prior <= 0) continue;

@@ -8,6 +8,7 @@ namespace {
 
 typedef float F16 __attribute__((vector_size(64)));
 typedef float F8 __attribute__((vector_size(32)));
+typedef float F4 __attribute__((vector_size(16)));
 typedef int32_t I16 __attribute__((vector_size(64)));
 typedef int32_t I8 __attribute__((vector_size(32)));
 typedef uint32_t U32 __attribute__((vector_size(64)));
@@ -51,7 +52,6 @@ FORCE_INLINE float fma(float a, float b, float c) {
 #endif
 #if !(defined(__FMA__) || defined(__aarch64__))
 // The same for vectors, four lanes at a time.
-typedef float F4 __attribute__((vector_size(16)));
 typedef double D4 __attribute__((vector_size(32)));
 typedef int64_t I4 __attribute__((vector_size(32)));
 template <typename V> FORCE_INLINE V fma(V a, V b, V c) {

@@ -67,14 +67,20 @@ inline void average_patches(const float *values, float *out) {
   }
 }
 
+// Every second of 32 values, from the first or the second one on.
+FORCE_INLINE F16 even_lanes(F16 a, F16 b) {
+  return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+}
+FORCE_INLINE F16 odd_lanes(F16 a, F16 b) {
+  return __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+}
+
 // Writes the mean over the pixels of each 2x2 block.
 inline void pool_pixels(const float *pixels, float *blocks) {
   for (int j = 0; j < BLOCKS_2X2_PER_ROW; j++) {
     const float *above = pixels + 2 * j * WINDOW, *below = above + WINDOW;
     const F16 left = load<F16>(above) + load<F16>(below), right = load<F16>(above + 16) + load<F16>(below + 16);
-    const F16 even = __builtin_shufflevector(left, right, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-    const F16 odd = __builtin_shufflevector(left, right, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-    store(blocks + j * BLOCKS_2X2_PER_ROW, 0.25f * (even + odd));
+    store(blocks + j * BLOCKS_2X2_PER_ROW, 0.25f * (even_lanes(left, right) + odd_lanes(left, right)));
   }
 }
 
@@ -112,6 +118,14 @@ inline void upsample_2x2(const float *blocks, Int across, Int down, float *out) 
 
 FORCE_INLINE void add_row(const float *weights, const float *values, float *sums) {
   store(sums, fma(load<F16>(weights), load<F16>(values), load<F16>(sums)));
+}
+
+inline float sum_of(const float *values) {
+  F16 sums = load<F16>(values);
+  for (int i = 16; i < BLOCKS_2X2; i += 16) sums += load<F16>(values + i);
+  float sum = sums[0];
+  for (int i = 1; i < 16; i++) sum += sums[i];
+  return sum;
 }
 
 inline float smallest(const float *values) {
