@@ -161,7 +161,7 @@ struct BlockCentres {  // of the 8x8 blocks, pixels from the first of the window
 constexpr BlockCentres BLOCK_CENTRES;
 
 FORCE_INLINE void write_distance(Features &features, int feature) {
-  const float(*values)[BLOCKS_8X8] = features.blocks_8x8 + feature;
+  const float (*values)[BLOCKS_8X8] = features.blocks_8x8 + feature;
   store(features.blocks_8x8[feature + 2], absolute(load<F16>(values[0]) - load<F16>(values[1])));
 }
 

@@ -149,8 +149,8 @@ inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
   for (int n = 0; n < 2; n++) {
     const View<const float, 3> &plane = layer.coefficients[n];
     plane_size[n] = plane.shape[1] * plane.shape[2];
-    first[n] = find_taps(plane.data, plane.shape[2], place.in_frame[n].y, place.in_frame[n].x, sharpening_at(t),
-                         taps[n]);
+    first[n] =
+        find_taps(plane.data, plane.shape[2], place.in_frame[n].y, place.in_frame[n].x, sharpening_at(t), taps[n]);
   }
   for (Int c = 0; c < layer.channels; c++) {
     Int ahead[2];  // the next plane, and from the last one on, the next window of the first one
@@ -227,73 +227,64 @@ FORCE_INLINE bool is_whole(Position position) {
   return position.y == float(Int(position.y)) && position.x == float(Int(position.x));
 }
 
-inline void fetch_window(const LayerSamples &layer, int n, Int c, Position position, float t, const Motion &motion,
-                         float *out) {
+// Samples a window that moves as a whole, in one frame. Pixels are copied: the spline meets them but nearly.
+inline void fetch_window(const LayerSamples &layer, int n, Int c, Position position, float t, float *out) {
   const View<const float, 3> &plane = layer.coefficients[n];
-  const Int wide = layer.wide, tall = layer.tall;
-  const float sharpening = sharpening_at(t);
-  if (!motion.is_rigid()) {
-    filter_blocks(plane.ptr(c), plane.shape[1], plane.shape[2], position, float(n) - t, sharpening, motion, wide, tall,
-                  out);
-  } else if (is_whole(position)) {
-    const ArrayOf<const Any, 3> &planes = layer.planes[n];
-    with_pixel_type(planes.kind, [&](auto pixel) {
-      copy_window<decltype(pixel)>(planes, layer.unit[n], c, Int(position.y) - MARGIN, Int(position.x) - MARGIN, wide,
-                                   tall, out);
+  if (is_whole(position))
+    with_pixel_type(layer.planes[n].kind, [&](auto pixel) {
+      copy_window<decltype(pixel)>(layer.planes[n], layer.unit[n], c, Int(position.y) - MARGIN,
+                                   Int(position.x) - MARGIN, layer.wide, layer.tall, out);
     });
-  } else {
-    filter_rigid(plane.ptr(c), plane.shape[2], position, sharpening, wide, tall, out);
+  else
+    filter_rigid(plane.ptr(c), plane.shape[2], position, sharpening_at(t), layer.wide, layer.tall, out);
+}
+
+inline void mix_fetched(LayerSamples &layer, const WindowPlace &place, float t) {
+  alignas(64) float first[WINDOW * WINDOW], second[WINDOW * WINDOW];
+  for (Int c = 0; c < layer.channels; c++) {
+    fetch_window(layer, 0, c, place.in_frame[0], t, first);
+    fetch_window(layer, 1, c, place.in_frame[1], t, second);
+    for (Int i = 0; i < layer.size; i += 16) {
+      const F16 from = load<F16>(first + i), difference = load<F16>(second + i) - from;
+      store(layer.distance + i, fma(difference, difference, load<F16>(layer.distance + i)));
+      store(layer.mixed + c * layer.size + i, fma(broadcast<F16>(t), difference, from));
+      store(layer.change + c * layer.size + i, difference);
+    }
   }
 }
 
-// Blends two windows that are partly outside; samples outside have no weight unless both are.
-inline void mix_inside(const LayerSamples &layer, float t, const InsideMarks &marks, const float *__restrict first,
-                       const float *__restrict second, float *__restrict mixed, float *__restrict change) {
+// Mixes a window that is partly outside anew; samples outside have no weight unless both are.
+inline void mix_inside(const LayerSamples &layer, float t, const InsideMarks &marks) {
   float columns[2][WINDOW];
   for (Int i = 0; i < layer.wide; i++) {
     columns[0][i] = (1 - t) * marks.columns[0][i * layer.across];
     columns[1][i] = t * marks.columns[1][i * layer.across];
   }
-  for (Int j = 0; j < layer.tall; j++) {
-    const float row0 = marks.rows[0][j * layer.down], row1 = marks.rows[1][j * layer.down];
-    for (Int i = 0; i < layer.wide; i++) {  // all are written, so that this needs no branch
-      const Int place = j * layer.wide + i;
-      const float weight0 = columns[0][i] * row0, weight1 = columns[1][i] * row1, both = weight0 + weight1;
-      const float mean = (weight0 * first[place] + weight1 * second[place]) / max(both, 1e-30f);
-      mixed[place] = both > 0 ? mean : mixed[place];
-      change[place] = ((both > 0) & (weight0 * weight1 == 0)) ? 0 : change[place];
+  for (Int c = 0; c < layer.channels; c++)
+    for (Int j = 0; j < layer.tall; j++) {
+      const float row0 = marks.rows[0][j * layer.down], row1 = marks.rows[1][j * layer.down];
+      float *__restrict mixed = layer.mixed + c * layer.size + j * layer.wide;
+      float *__restrict change = layer.change + c * layer.size + j * layer.wide;
+      for (Int i = 0; i < layer.wide; i++) {  // all are written, so that this needs no branch
+        const float weight0 = columns[0][i] * row0, weight1 = columns[1][i] * row1, both = weight0 + weight1;
+        const float mean = mixed[i] + (weight1 / max(both, 1e-30f) - t) * change[i];
+        mixed[i] = both > 0 ? mean : mixed[i];
+        change[i] = ((both > 0) & (weight0 * weight1 == 0)) ? 0 : change[i];
+      }
     }
-  }
-}
-
-inline void mix_fetched(LayerSamples &layer, const WindowPlace &place, const InsideMarks &marks, const Motion &motion,
-                        float t) {
-  alignas(64) float first[WINDOW * WINDOW], second[WINDOW * WINDOW];
-  for (Int c = 0; c < layer.channels; c++) {
-    float *mixed = layer.mixed + c * layer.size, *change = layer.change + c * layer.size;
-    fetch_window(layer, 0, c, place.in_frame[0], t, motion, first);
-    fetch_window(layer, 1, c, place.in_frame[1], t, motion, second);
-    for (Int i = 0; i < layer.size; i += 16) {
-      const F16 from = load<F16>(first + i), difference = load<F16>(second + i) - from;
-      store(layer.distance + i, fma(difference, difference, load<F16>(layer.distance + i)));
-      store(mixed + i, fma(broadcast<F16>(t), difference, from));
-      store(change + i, difference);
-    }
-    if (!place.is_inside) mix_inside(layer, t, marks, first, second, mixed, change);
-  }
 }
 
 // Samples a window of both frames along a motion, blends the samples by time, and sums their squared differences.
 inline void sample_layer(LayerSamples &layer, const WindowPlace &place, const InsideMarks &marks, const Motion &motion,
                          float t) {
   for (Int i = 0; i < layer.size; i++) layer.distance[i] = 0;
-  const bool rigid = motion.is_rigid();
-  if (!place.is_inside || (rigid && (is_whole(place.in_frame[0]) || is_whole(place.in_frame[1]))))
-    mix_fetched(layer, place, marks, motion, t);
-  else if (rigid)
-    mix_rigid(layer, place, t);
-  else
+  if (!motion.is_rigid())
     mix_blocks(layer, place, motion, t);
+  else if (is_whole(place.in_frame[0]) || is_whole(place.in_frame[1]))
+    mix_fetched(layer, place, t);
+  else
+    mix_rigid(layer, place, t);
+  if (!place.is_inside) mix_inside(layer, t, marks);
 }
 
 }  // namespace
