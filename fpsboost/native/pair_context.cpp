@@ -17,13 +17,12 @@ float compare_luma(Int top, Int left, const Motion &motion, float t, const PairC
     const Position position = locate_luma(top, left, time, motion, t, context);
     filter_blocks(luma.data, luma.shape[0], luma.shape[1], position, time - t, 0, motion, SIDE, SIDE, samples[n]);
   }
+  F16 alike{};
   for (int i = 0; i < AREA; i += 16) {
-    const F16 difference = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));
-    store(samples[0] + i, decay(difference * difference, 0, context.luma_scale, 1.f / AREA));
+    const F16 difference = load<F16>(samples[0] + i) - load<F16>(samples[1] + i);
+    alike += decay(difference * difference, 0, context.luma_scale, 1.f / AREA);
   }
-  float alike = 0;
-  for (int i = 0; i < AREA; i++) alike += samples[0][i];
-  return alike;
+  return sum_lanes(alike);
 }
 
 // Writes the belief in each candidate of a node, with a sum of 1.
@@ -44,18 +43,18 @@ void find_beliefs(Int row, Int column, const Candidates &candidates, const PairC
   for (Int k = 0; k < node.count; k++) beliefs[k] /= max(total, 1e-20f);
 }
 
-// How far the neighbours of a node agree with a motion, 0 to 1: their beliefs, less for a motion that differs.
-float agreement(Int row, Int column, const Motion &motion, const Candidates &candidates,
-                const View<float, 3> &beliefs) {
-  float total = 0, nodes = 0;
+// How far the neighbours of a node agree with motions, 0 to 1: their beliefs, less for a motion that differs.
+F16 agreement(Int row, Int column, F16 dx, F16 dy, const Candidates &candidates, const View<float, 3> &beliefs) {
+  F16 total{};
+  float nodes = 0;
   for (Int y = max(row - 1, Int(0)); y < min(row + 2, beliefs.shape[0]); y++)
     for (Int x = max(column - 1, Int(0)); x < min(column + 2, beliefs.shape[1]); x++) {
       if (y == row && x == column) continue;
       const NodeCandidates node(candidates, y, x);
       nodes += 1;
       for (Int k = 0; k < node.count; k++) {
-        const Motion other = node.motions[k];
-        total += beliefs(y, x, k) / (1 + max(absolute(other.dx - motion.dx), absolute(other.dy - motion.dy)));
+        const Motion &other = node.motions[k];
+        total += beliefs(y, x, k) / (1 + max(absolute(other.dx - dx), absolute(other.dy - dy)));
       }
     }
   return total / max(nodes, 1.f);
@@ -95,8 +94,16 @@ KERNEL(Int, measure_support, const MeasureSupport &args) {
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
       const NodeCandidates node(args.candidates, row, column);
-      for (Int k = 0; k < node.count; k++)
-        support(row, column, k) = agreement(row, column, node.motions[k], args.candidates, beliefs);
+      for (Int first = 0; first < node.count; first += 16) {
+        F16 dx{}, dy{};
+        const Int count = min(node.count - first, Int(16));
+        for (Int k = 0; k < count; k++) {
+          dx[k] = node.motions[first + k].dx;
+          dy[k] = node.motions[first + k].dy;
+        }
+        const F16 found = agreement(row, column, dx, dy, args.candidates, beliefs);
+        for (Int k = 0; k < count; k++) support(row, column, first + k) = found[k];
+      }
     }
   return 0;
 }

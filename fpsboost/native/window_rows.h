@@ -120,12 +120,16 @@ FORCE_INLINE void add_row(const float *weights, const float *values, float *sums
   store(sums, fma(load<F16>(weights), load<F16>(values), load<F16>(sums)));
 }
 
+FORCE_INLINE float sum_lanes(F16 values) {
+  float sum = values[0];
+  for (int i = 1; i < 16; i++) sum += values[i];
+  return sum;
+}
+
 inline float sum_of(const float *values) {
   F16 sums = load<F16>(values);
   for (int i = 16; i < BLOCKS_2X2; i += 16) sums += load<F16>(values + i);
-  float sum = sums[0];
-  for (int i = 1; i < 16; i++) sum += sums[i];
-  return sum;
+  return sum_lanes(sums);
 }
 
 inline float smallest(const float *values) {
