@@ -160,7 +160,7 @@ SYNTHESIS: dict[str, dict[str, Any]] = {
     "the most similar takes all": {"sharpness": 1000.0},
     "candidates from near by": {"support_radius": 16.0},
     "candidates from far": {"support_radius": 32.0},
-    "candidates 1 pixel apart": {"merge_distance": 1.0},
+    "candidates 0.8 pixels apart": {"merge_distance": 0.8},
     "five candidates a node": {"max_candidates": 5},
     "every 4th pixel asked": {"step": 4},
     "every 16th pixel asked": {"step": 16},

@@ -157,13 +157,13 @@ class MultiHypothesis(Checked):
     step: Annotated[int, Range(1, unit=" pixel")] = 8
     node_spacing: Literal[16, 20, 24, 28] = 16
     support_radius: float = 24
-    merge_distance: Annotated[float, Range(0, unit=" pixels")] = 0.8
+    merge_distance: Annotated[float, Range(0, unit=" pixels")] = 1.2
     max_candidates: PositiveInt = 12
     min_weight: Annotated[float, Range(0, below=1)] = 0.04
     bandwidth: PositiveFloat = 0.3
     sharpness: float = 18
     sufficient_similarity: float = 0.98
-    min_vote_share: Annotated[float, Range(0, below=1)] = 0.2
+    min_vote_share: Annotated[float, Range(0, below=1)] = 0.5
     fusion: Fusion = "plain"
     vectors: RenderedVectors | None = None
 
