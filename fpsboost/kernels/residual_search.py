@@ -35,7 +35,7 @@ def search_residuals_bidirectional(
     - `min_similarity`: similarity of these patches, 0 to 1, at which a point counts as explained
     - `better`: minimum increase of the similarity by another motion
     - `flow`: in both directions; updated in place
-    - `similarity`: that of the points of both frames, and the lowest of each point and its neighbours, out
+    - `similarity`: that of the points of both frames, and where runs of unexplained ones end, out
     """
 
 

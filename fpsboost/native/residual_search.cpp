@@ -56,6 +56,21 @@ FORCE_INLINE void find_lowest_neighbours(const View<float, 2> &values, const Vie
     }
 }
 
+// Replaces each value by where its run of unexplained points ends in the row; negative in runs of explained points.
+FORCE_INLINE void mark_runs(float min_similarity, const View<float, 2> &lowest) {
+  const Int columns = lowest.shape[1];
+  for (Int row = 0; row < lowest.shape[0]; row++) {
+    Int end = columns;
+    bool right = false;
+    for (Int column = columns - 1; column >= 0; column--) {
+      const bool unexplained = lowest(row, column) < min_similarity;
+      if (unexplained != right) end = column + 1;
+      right = unexplained;
+      lowest(row, column) = float(unexplained ? end : -end);
+    }
+  }
+}
+
 // The lowest sum of which the share is above a value.
 FORCE_INLINE Int lowest_above(float value, float share) {
   Int sum = Int(value / share);
@@ -64,22 +79,39 @@ FORCE_INLINE Int lowest_above(float value, float share) {
   return sum;
 }
 
-// Sums the similarities of the patch around one position and those around several positions in a row. Returns false as
-// soon as none of the sums that are counted can reach `lowest`.
+// Sums of similarities at several positions in each of two rows, one below the other.
+struct PositionSums {
+  W32 both;
+
+  FORCE_INLINE U16 row(int n) const {
+    U16 rows[2];
+    __builtin_memcpy(rows, &both, sizeof both);
+    return rows[n];
+  }
+};
+
+// Sums the similarities of the patch around one position and those around several positions in two rows. Returns false
+// as soon as none of the sums that are counted can reach `lowest`.
 FORCE_INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &patch, const uint8_t *first,
-                                    const uint8_t *second, U16 counted, Int lowest, U16 &total) {
+                                    const uint8_t *second, const U16 (&counted)[2], Int lowest, PositionSums &total) {
   const Int radius = patch.radius;
   if (lowest > patch.size * patch.size * frames.max_similarity) return false;
-  total = U16{};
+  const B32 max_similarity = join(patch.max_similarity, patch.max_similarity);
+  total.both = W32{};
   for (Int j = -radius; j <= radius; j++) {
     for (Int k = -radius; k <= radius; k++) {
-      const uint8_t *pixel = first + j * frames.stride + k;
-      const B16 pixels[3] = {broadcast_byte(pixel[0]), broadcast_byte(pixel[frames.plane]),
-                             broadcast_byte(pixel[2 * frames.plane])};
-      total += linear_similarity(pixels, second + j * frames.stride + k, frames.plane, patch.max_similarity);
+      const uint8_t *pixel = first + j * frames.stride + k, *other = second + j * frames.stride + k;
+      B32 sum{};
+      for (int c = 0; c < 3; c++) {
+        const uint8_t *above = other + c * frames.plane;
+        add_difference(pixel[c * frames.plane] - B32{}, join(load<B16>(above), load<B16>(above + frames.stride)), sum);
+      }
+      total.both += __builtin_convertvector(max(max_similarity, sum) - sum, W32);
     }
     const Int at_least = lowest - (radius - j) * patch.size * frames.max_similarity;
-    if (at_least > 0 && !any(as<U16>(total >= uint16_t(at_least)) & counted)) return false;
+    if (at_least <= 0) continue;
+    const U16 reached = as<U16>(total.row(0) >= uint16_t(at_least)) & counted[0];
+    if (!any(reached | (as<U16>(total.row(1) >= uint16_t(at_least)) & counted[1]))) return false;
   }
   return true;
 }
@@ -87,7 +119,7 @@ FORCE_INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &
 // Replaces the motion of unexplained points by motion to unexplained positions of the other frame, in whole pixels.
 FORCE_INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchResidualsBidirectional &args,
                                    const Patch &patch, const View<float, 2> &similarity,
-                                   const View<float, 2> &other_lowest, const View<float, 3> &flow) {
+                                   const View<float, 2> &other_runs, const View<float, 3> &flow) {
   const Int step = args.step;
   const float min_similarity = args.min_similarity, better = args.better;
   for (Int row = 0; row < similarity.shape[0]; row++)
@@ -99,29 +131,31 @@ FORCE_INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchRe
       const uint8_t *pixel = frames.first + frames.place(y, x);
       Int lowest = lowest_above(similarity(row, point) + better, patch.share);
       for (Int other_row = top / step; other_row <= bottom / step; other_row++) {
-        const float *other_similarity = other_lowest.ptr(other_row);
+        const float *ends = other_runs.ptr(other_row);
         for (Int other = left / step; other <= right / step;) {
-          if (other_similarity[other] >= min_similarity) {
-            other++;
+          const Int begin = other, end = Int(ends[begin]);
+          if (end < 0) {
+            other = -end;
             continue;
           }
           // unexplained neighbours are compared together, up to one vector of pixels
-          const Int begin = other;
-          while (other <= right / step && (other + 1 - begin) * step <= POSITIONS &&
-                 other_similarity[other] < min_similarity)
-            other++;
+          other = min(min(end, begin + POSITIONS / step), right / step + 1);
           const Int first = max(begin * step, left), count = min(other * step - 1, right) - first + 1;
-          const U16 counted = as<U16>(uint16_t(count) > PLACES);
           const Int last_y = min(other_row * step + step - 1, bottom);
-          for (Int other_y = max(other_row * step, top); other_y <= last_y; other_y++) {
-            U16 total;
-            const uint8_t *second = frames.second + frames.place(other_y, first);
+          for (Int above = max(other_row * step, top); above <= last_y; above += 2) {
+            const U16 in_row = as<U16>(uint16_t(count) > PLACES),
+                      counted[2] = {in_row, above < last_y ? in_row : U16{}};
+            PositionSums total;
+            const uint8_t *second = frames.second + frames.place(above, first);
             if (!compare_positions(frames, patch, pixel, second, counted, lowest, total)) continue;
-            for (Int i = 0; i < count; i++) {
-              if (total[i] >= lowest) {
-                lowest = lowest_above(float(total[i]) * patch.share, patch.share);
-                flow(row, point, 0) = float(first + i - x);
-                flow(row, point, 1) = float(other_y - y);
+            for (Int other_y = above; other_y <= min(above + 1, last_y); other_y++) {
+              const U16 sums = total.row(int(other_y - above));
+              for (Int i = 0; i < count; i++) {
+                if (sums[i] >= lowest) {
+                  lowest = lowest_above(float(sums[i]) * patch.share, patch.share);
+                  flow(row, point, 0) = float(first + i - x);
+                  flow(row, point, 1) = float(other_y - y);
+                }
               }
             }
           }
@@ -134,15 +168,16 @@ FORCE_INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchRe
 
 KERNEL(void, search_residuals_bidirectional, const SearchResidualsBidirectional &args) {
   const View<float, 4> flow(args.flow), measured(args.similarity);
-  const View<float, 3> similarity = measured[0], lowest = measured[1];
+  const View<float, 3> similarity = measured[0], runs = measured[1];
   const Frames<uint8_t> forward(args.pair), backward = forward.opposite();
   const Patch patch(forward, args.patch_radius);
   for (int direction = 0; direction < 2; direction++) {
     measure_similarity(direction ? backward : forward, args.step, patch, flow[direction], similarity[direction]);
-    find_lowest_neighbours(similarity[direction], lowest[direction]);
+    find_lowest_neighbours(similarity[direction], runs[direction]);
+    mark_runs(args.min_similarity, runs[direction]);
   }
   for (int direction = 0; direction < 2; direction++)
-    search_residuals(direction ? backward : forward, args, patch, similarity[direction], lowest[1 - direction],
+    search_residuals(direction ? backward : forward, args, patch, similarity[direction], runs[1 - direction],
                      flow[direction]);
 }
 

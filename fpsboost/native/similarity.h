@@ -4,15 +4,17 @@
 
 namespace {
 
+// Adds the absolute differences of bytes to sums, which stop at 255.
+template <typename V> FORCE_INLINE void add_difference(V first, V second, V &sum) {
+  const V difference = max(first, second) - min(first, second);
+  sum += min(difference, ~sum);
+}
+
 // The largest similarity less the sum of absolute differences, 0 at the least. `pixels` are the three components of
 // sixteen pixels, those of the others begin at `second`, `plane` apart.
 FORCE_INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int plane, B16 max_similarity) {
   B16 sum{};
-  for (int c = 0; c < 3; c++) {
-    const B16 other = load<B16>(second + c * plane);
-    const B16 difference = max(pixels[c], other) - min(pixels[c], other);
-    sum += min(difference, ~sum);  // without overflow
-  }
+  for (int c = 0; c < 3; c++) add_difference(pixels[c], load<B16>(second + c * plane), sum);
   return __builtin_convertvector(max(max_similarity, sum) - sum, U16);
 }
 

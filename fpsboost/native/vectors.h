@@ -14,6 +14,8 @@ typedef int32_t I8 __attribute__((vector_size(32)));
 typedef uint32_t U32 __attribute__((vector_size(64)));
 typedef uint16_t U16 __attribute__((vector_size(32)));
 typedef uint8_t B16 __attribute__((vector_size(16)));
+typedef uint8_t B32 __attribute__((vector_size(32)));
+typedef uint16_t W32 __attribute__((vector_size(64)));
 
 template <typename V> constexpr int lane_count = sizeof(V) / sizeof(float);
 
@@ -25,6 +27,10 @@ template <typename V, typename T> FORCE_INLINE V load(const T *from) {
 }
 template <typename V, typename T> FORCE_INLINE void store(T *to, V values) {
   __builtin_memcpy(to, &values, sizeof values);
+}
+FORCE_INLINE B32 join(B16 first, B16 second) {
+  return __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19,
+                                 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31);
 }
 template <typename V> FORCE_INLINE V broadcast(float value) { return value - V{}; }
 

@@ -37,7 +37,7 @@ def measured(images, step, flow):
     pair = plane_pair(*images, PADDING, MOST)
     search_residuals_bidirectional(pair, step, 5, RADIUS, np.float32(0), np.float32(0), kept, known)
     np.testing.assert_array_equal(kept, flow)
-    return known
+    return known[0]
 
 
 @settings(max_examples=10)
@@ -47,15 +47,13 @@ def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
     images = [noise(height, width, 3, np.uint8, seed + k) for k in (0, 1)]
     rows, columns = places((height, width), step)
     flow = np.random.default_rng(seed).uniform(-6, 6, (2, rows.size, columns.size, 2)).astype(np.float32)
-    known, lowest = measured(images, step, flow)
+    known = measured(images, step, flow)
     for direction, row, column in np.ndindex(known.shape):
         y, x = rows[row], columns[column]
         dx, dy = np.rint(flow[direction, row, column]).astype(int)
         there = min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)
         expected = patch_similarity(*images[:: 1 - 2 * direction], (y, x), there)
         np.testing.assert_allclose(known[direction, row, column], expected, atol=1e-3)
-    square = np.ones((3, 3), np.uint8)
-    np.testing.assert_array_equal([cv2.erode(each, square) for each in known], lowest)
 
 
 @settings(max_examples=10)
@@ -65,7 +63,8 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     images = [noise(height, width, 3, np.uint8, seed + k) for k in (0, 1)]
     rows, columns = places((height, width), step)
     before = np.random.default_rng(seed).uniform(-3, 3, (2, rows.size, columns.size, 2)).astype(np.float32)
-    known, lowest = measured(images, step, before)
+    known = measured(images, step, before)
+    lowest = [cv2.erode(each, np.ones((3, 3), np.uint8)) for each in known]
     enough, better, limit = np.float32(np.quantile(known, 0.7)), np.float32(0.02), 5
     flow, unused = before.copy(), np.empty((2, 2, rows.size, columns.size), np.float32)
     search_residuals_bidirectional(
