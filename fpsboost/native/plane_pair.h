@@ -24,13 +24,6 @@ template <typename T> struct Frames {
     other.second = first;
     return other;
   }
-
-  // Frame 0 twice.
-  Frames first_alone() const {
-    Frames other = *this;
-    other.second = first;
-    return other;
-  }
 };
 
 // Centre of one of the points `step` pixels apart along an axis, which may lie at the edge of the frame.

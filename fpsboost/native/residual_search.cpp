@@ -106,7 +106,7 @@ FORCE_INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &
         const uint8_t *above = other + c * frames.plane;
         add_difference(pixel[c * frames.plane] - B32{}, join(load<B16>(above), load<B16>(above + frames.stride)), sum);
       }
-      total.both += __builtin_convertvector(max(max_similarity, sum) - sum, W32);
+      total.both += as_words(max(max_similarity, sum) - sum);
     }
     const Int at_least = lowest - (radius - j) * patch.size * frames.max_similarity;
     if (at_least <= 0) continue;

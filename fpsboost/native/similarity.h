@@ -4,21 +4,30 @@
 
 namespace {
 
+FORCE_INLINE U16 as_words(B16 bytes) { return __builtin_convertvector(bytes, U16); }
+FORCE_INLINE W32 as_words(B32 bytes) { return __builtin_convertvector(bytes, W32); }
+
 // Adds the absolute differences of bytes to sums, which stop at 255.
 template <typename V> FORCE_INLINE void add_difference(V first, V second, V &sum) {
   const V difference = max(first, second) - min(first, second);
   sum += min(difference, ~sum);
 }
 
-// The largest similarity less the sum of absolute differences, 0 at the least. `pixels` are the three components of
-// sixteen pixels, those of the others begin at `second`, `plane` apart.
-FORCE_INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int plane, B16 max_similarity) {
-  B16 sum{};
-  for (int c = 0; c < 3; c++) add_difference(pixels[c], load<B16>(second + c * plane), sum);
-  return __builtin_convertvector(max(max_similarity, sum) - sum, U16);
+FORCE_INLINE B16 broadcast_byte(uint8_t value) { return value - B16{}; }
+
+// The largest similarity less the sum of absolute differences, 0 at the least, of all lanes. `pixels` are the three
+// components, those of the others begin at `second`, `plane` apart.
+template <typename V>
+FORCE_INLINE V byte_similarity(const V (&pixels)[3], const uint8_t *second, Int plane, V max_similarity) {
+  V sum{};
+  for (int c = 0; c < 3; c++) add_difference(pixels[c], load<V>(second + c * plane), sum);
+  return max(max_similarity, sum) - sum;
 }
 
-FORCE_INLINE B16 broadcast_byte(uint8_t value) { return value - B16{}; }
+// The same of sixteen pixels, as words.
+FORCE_INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int plane, B16 max_similarity) {
+  return as_words(byte_similarity(pixels, second, plane, max_similarity));
+}
 
 // Polynomial that approximates 2^20 times 2^-f for a fraction f: Chebyshev's interpolation of degree 5 on [0, 1], with
 // a half added to the constant, so that truncation rounds.

@@ -10,8 +10,9 @@
 
 namespace {
 
-constexpr Int PROPOSAL_MARGIN = 8;             // distance beyond the tile within which proposals are collected, pixels
-constexpr float NOTHING = -2, NOWHERE = 1e6f;  // similarity and offset of an empty entry
+constexpr Int PROPOSAL_MARGIN = 8;       // distance beyond the tile within which proposals are collected, pixels
+constexpr float NOTHING = -2;            // similarity of an empty entry
+constexpr int32_t NOWHERE = 0x7fff7fff;  // its offset, packed: dx in the lower half, dy in the upper one
 
 struct Offset {
   int32_t dx, dy;
@@ -21,13 +22,21 @@ struct TileSettings {
   Int step, refine_radius, max_offset, patch_radius, row_step;
 };
 
-// Work arrays: the number of each offset among those of a tile, 0 for others; the offsets of a tile; what each of them
-// scores at the points, and NOTHING for number 0; and the lists of the points.
+// Numbers of the offsets before and after one along x, and along y; 0 where there is none.
+struct Beside {
+  int32_t left, right, above, below;
+};
+
+// Work arrays: the number of each offset among those of a tile, 0 for others; the offsets of a tile, and those beside
+// them; what each of them scores at the points, and NOTHING for number 0; and the lists of eight points.
 struct TileWork {
   Int points, places;
   int32_t *number;
   Offset *offsets;
-  float *scores, *entries;
+  Beside *beside;
+  float *scores;
+  F8 *similarity;
+  I8 *packed;
 
   TileWork(const TileSettings &settings, Int spacing, Int capacity, Workspace &workspace) {
     const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 1;
@@ -37,8 +46,10 @@ struct TileWork {
     places = side * side;
     number = workspace.take<int32_t>(places);
     offsets = workspace.take<Offset>(most);
+    beside = workspace.take<Beside>(most);
     scores = workspace.take<float>((1 + most) * points);
-    entries = workspace.take<float>(capacity * 3 * points);
+    similarity = workspace.take<F8>(capacity);
+    packed = workspace.take<I8>(capacity);
   }
 };
 
@@ -63,32 +74,29 @@ struct Tile {
   Int top, left, bottom, right, first_row, first_column, down, across;
 };
 
-// One entry of the lists of all points of a tile.
-struct EntryRow {
-  float *similarity, *dx, *dy;
-
-  EntryRow(float *entries, Int entry, Int points)
-      : similarity(entries + 3 * entry * points), dx(similarity + points), dy(dx + points) {}
-};
+// Whether offsets differ by a pixel or less along both axes from one of which each half is less by one.
+FORCE_INLINE I8 are_neighbours(I8 packed, U16 one_less) {
+  const U16 apart = as<U16>(packed) - one_less, two = U16{} + uint16_t(2);
+  return as<I8>(min(apart, two)) == as<I8>(apart);
+}
 
 // Inserts an offset into the lists of eight points, which are in order of falling similarity; of neighbouring offsets,
-// only the more similar one is kept.
-FORCE_INLINE void insert_top_eight(float dx, float dy, const float *similarities, Int first, float *entries, Int points,
-                                   Int capacity) {
-  const F8 similarity = load<F8>(similarities + first);
-  if (!any(similarity > load<F8>(EntryRow(entries, capacity - 1, points).similarity + first))) return;
-  F8 inserted[3] = {similarity, broadcast<F8>(dx), broadcast<F8>(dy)};
-  I8 is_open = ~I8{};
+// only the more similar one is kept. CAPACITY is that of the lists, which then stay in registers, or 0 for any.
+template <Int CAPACITY>
+FORCE_INLINE void insert_top_eight(Offset offset, F8 similarity, F8 *listed, I8 *packed, Int any_capacity) {
+  const Int capacity = CAPACITY ? CAPACITY : any_capacity;
+  if (!any(similarity > listed[capacity - 1])) return;
+  F8 inserted = similarity;
+  I8 inserted_offset = I8{} + int32_t(uint32_t(offset.dy) << 16 | (uint32_t(offset.dx) & 0xffff)), is_open = ~I8{};
+  const U16 one_less = as<U16>(inserted_offset) - uint16_t(1);
   for (Int entry = 0; entry < capacity; entry++) {
-    const EntryRow row(entries, entry, points);
-    float *places[3] = {row.similarity + first, row.dx + first, row.dy + first};
-    const F8 before[3] = {load<F8>(places[0]), load<F8>(places[1]), load<F8>(places[2])};
-    const I8 writes = is_open & (similarity > before[0]);
-    for (int n = 0; n < 3; n++) {
-      store(places[n], writes ? inserted[n] : before[n]);
-      inserted[n] = writes ? before[n] : inserted[n];
-    }
-    is_open &= ~((absolute(before[1] - dx) <= 1) & (absolute(before[2] - dy) <= 1));
+    const F8 before = listed[entry];
+    const I8 offset_before = packed[entry], writes = is_open & (similarity > before);
+    listed[entry] = writes ? inserted : before;
+    packed[entry] = writes ? inserted_offset : offset_before;
+    inserted = writes ? before : inserted;
+    inserted_offset = writes ? offset_before : inserted_offset;
+    is_open &= ~are_neighbours(offset_before, one_less);
   }
 }
 
@@ -113,6 +121,19 @@ struct OffsetSet {
         offsets[count++] = {int32_t(dx), int32_t(dy)};
         own = int32_t(count);
       }
+    }
+  }
+
+  // The number of an offset, or 0.
+  int32_t number_if_any(Int dx, Int dy) const {
+    return min(dx, dy) < -limit || max(dx, dy) > limit ? 0 : number_of(dx, dy);
+  }
+
+  void find_beside(Beside *beside) const {
+    for (Int k = 0; k < count; k++) {
+      const Int dx = offsets[k].dx, dy = offsets[k].dy;
+      beside[k] = {number_if_any(dx - 1, dy), number_if_any(dx + 1, dy), number_if_any(dx, dy - 1),
+                   number_if_any(dx, dy + 1)};
     }
   }
 
@@ -150,154 +171,175 @@ FORCE_INLINE void keep_offset(Offset offset, float similarity, Int point, const 
   lists.listed[point] = int32_t(place + 1);
 }
 
-// Points of a tile: the expected offset and its similarity, and the similarity of the offset that is compared.
-struct TilePoints {
-  Int per_row;
-  Offset expected[TILE * TILE];
-  float expected_similarity[TILE * TILE], similarity[TILE * TILE];
-};
-
-// Writes the lists of a tile's points to those of the frame. The expected motion is added where its similarity is not
-// negative; if nothing is listed, zero motion is.
-FORCE_INLINE void write_lists(const Tile &tile, const TileWork &work, const TilePoints &points,
-                              const CandidateLists &lists) {
-  for (Int p = 0; p < tile.down; p++)
-    for (Int q = 0; q < tile.across; q++) {
-      const Int of_tile = p * points.per_row + q, point = (tile.first_row + p) * lists.across + tile.first_column + q;
-      float *similarity = lists.similarity + point * lists.capacity;
-      Vector *flow = lists.flow + point * lists.capacity;
-      int32_t count = 0;
-      for (Int entry = 0; entry < lists.capacity; entry++) {
-        const EntryRow row(work.entries, entry, work.points);
-        const bool is_filled = row.similarity[of_tile] > NOTHING;
-        similarity[entry] = is_filled ? row.similarity[of_tile] : NOTHING;
-        flow[entry] = is_filled ? Vector{row.dx[of_tile], row.dy[of_tile]} : Vector{0, 0};
-        if (is_filled) count = int32_t(entry + 1);
-      }
-      lists.listed[point] = count;
-      if (points.expected_similarity[of_tile] >= 0)
-        keep_offset(points.expected[of_tile], points.expected_similarity[of_tile], point, lists);
-      lists.listed[point] = max(lists.listed[point], 1);
+// Writes the lists of eight points of a tile, from number `first` on, to those of the frame. The expected motion is
+// added where its similarity is not negative; if nothing is listed, zero motion is.
+template <Int CAPACITY>
+FORCE_INLINE void write_lists(const Tile &tile, Int per_row, Int first, const F8 *listed, const I8 *packed,
+                              const Offset *expected, F8 expected_similarity, const CandidateLists &lists) {
+  const Int capacity = CAPACITY ? CAPACITY : lists.capacity;
+  for (Int lane = 0; lane < 8; lane++) {
+    const Int p = (first + lane) / per_row, q = (first + lane) % per_row;
+    if (p >= tile.down || q >= tile.across) continue;
+    const Int point = (tile.first_row + p) * lists.across + tile.first_column + q;
+    float *similarity = lists.similarity + point * capacity;
+    Vector *flow = lists.flow + point * capacity;
+    int32_t count = 0;
+    for (Int entry = 0; entry < capacity; entry++) {
+      const bool is_filled = as<const float *>(listed + entry)[lane] > NOTHING;
+      const int32_t offset = as<const int32_t *>(packed + entry)[lane];
+      similarity[entry] = as<const float *>(listed + entry)[lane];
+      flow[entry] = is_filled ? Vector{float(int16_t(offset)), float(offset >> 16)} : Vector{0, 0};
+      count += is_filled;
     }
+    lists.listed[point] = count;
+    if (expected_similarity[lane] >= 0) keep_offset(expected[lane], expected_similarity[lane], point, lists);
+    lists.listed[point] = max(lists.listed[point], 1);
+  }
 }
 
-// Sums of the similarity over the columns of a tile, from its top to each row, for one offset after another.
-// Differences of two of them are right even where the sums overflow.
+// Sums of the similarity over the columns of a tile, from the first row of its patches to each row, for one offset
+// after another. Differences of two of them are right even where the sums overflow. The rows of the first frame are
+// copied before, since all offsets read them, and rows of a frame may lie a power of two apart, where caches hold few.
 template <Int LANES> struct ColumnSums {
   alignas(64) uint16_t sums[TILE + 2 * MAX_TILE_PATCH_RADIUS + 1][LANES];
+  alignas(64) uint8_t first[TILE + 2 * MAX_TILE_PATCH_RADIUS][3][64];
+  Int rows, row_stride, plane;
+  uint8_t max_similarity;
 
-  void compare(const Frames<uint8_t> &frames, Int place0, Int place1, Int row_stride, Int rows) {
-    const B16 max_similarity = broadcast_byte(uint8_t(frames.max_similarity));
-    for (Int row = 0; row < rows; row++, place0 += row_stride, place1 += row_stride)
-      for (Int i = 0; i < LANES; i += 16) {
-        const uint8_t *pixels = frames.first + place0 + i;
-        const B16 components[3] = {load<B16>(pixels), load<B16>(pixels + frames.plane),
-                                   load<B16>(pixels + 2 * frames.plane)};
-        const U16 similarity = linear_similarity(components, frames.second + place1 + i, frames.plane, max_similarity);
-        store(sums[row + 1] + i, load<U16>(sums[row] + i) + similarity);
-      }
+  template <typename V> FORCE_INLINE void copy_columns(const uint8_t *pixels, Int column) {
+    for (Int row = 0; row < rows; row++)
+      for (int c = 0; c < 3; c++)
+        store(first[row][c] + column, load<V>(pixels + row * row_stride + c * plane + column));
+  }
+  // Begins a tile with the pixels of the first frame.
+  FORCE_INLINE void begin(const Frames<uint8_t> &frames, const uint8_t *pixels, Int row_step, Int used_rows) {
+    rows = used_rows;
+    row_stride = row_step * frames.stride;
+    plane = frames.plane;
+    max_similarity = uint8_t(frames.max_similarity);
+    copy_columns<B32>(pixels, 0);
+    if constexpr (LANES == 48) copy_columns<B16>(pixels, 32);
+    if constexpr (LANES == 64) copy_columns<B32>(pixels, 32);
+  }
+  template <typename V> FORCE_INLINE void compare_columns(const uint8_t *second, Int column) {
+    const V most = max_similarity - V{};
+    const Int apart = row_stride, planes_apart = plane;
+    auto total = as_words(V{});
+    second += column;
+    for (Int row = 0; row < rows; row++, second += apart) {
+      const V components[3] = {load<V>(first[row][0] + column), load<V>(first[row][1] + column),
+                               load<V>(first[row][2] + column)};
+      total += as_words(byte_similarity(components, second, planes_apart, most));
+      store(sums[row + 1] + column, total);
+    }
+  }
+  FORCE_INLINE void compare(const uint8_t *second) {
+    compare_columns<B32>(second, 0);
+    if constexpr (LANES == 48) compare_columns<B16>(second, 32);
+    if constexpr (LANES == 64) compare_columns<B32>(second, 32);
   }
 };
 
-// Begins the points of a tile, and their lists, in which nothing is.
-FORCE_INLINE void begin_points(const ProposedOffsets &proposals, const Tile &tile, Int step, Int capacity,
-                               const TileWork &work, TilePoints &points) {
-  for (Int k = 0; k < capacity; k++) {
-    const EntryRow row(work.entries, k, work.points);
-    for (Int i = 0; i < work.points; i++) {
-      row.similarity[i] = NOTHING;
-      row.dx[i] = row.dy[i] = NOWHERE;
-    }
-  }
-  for (Int p = 0; p < tile.down; p++)
-    for (Int q = 0; q < tile.across; q++) {
-      const Int y = min(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
-      const Int x = min(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
-      points.expected[p * points.per_row + q] = proposals.expected[y * proposals.across + x];
-      points.expected_similarity[p * points.per_row + q] = -1;
-    }
-}
-
 // Scores an offset at the points of a tile by the sums of its patches: `compared` rows of `size` columns, of which each
-// pixel counts `share`.
-template <Int LANES>
+// pixel counts `share`. STEP is the distance between points, and sums fit 16 bits; or 0 for any.
+template <Int STEP, Int LANES>
 FORCE_INLINE void score_points(const ColumnSums<LANES> &columns, const Tile &tile, const TileSettings &settings,
                                Int size, Int compared, float share, Int per_row, float *scores) {
-  const Int step = settings.step;
+  const Int step = STEP ? STEP : settings.step, rows_apart = step / settings.row_step;
+  alignas(64) uint16_t sums[TILE][LANES + 2 * MAX_TILE_PATCH_RADIUS];
   for (Int p = 0; p < tile.down; p++) {
-    const uint16_t *above = columns.sums[(p * step + step / 2) / settings.row_step], *below = above + compared * LANES;
-    uint16_t sums[LANES];
-    for (Int i = 0; i < LANES; i++) sums[i] = uint16_t(below[i] - above[i]);
-    for (Int q = 0; q < tile.across; q++) {
-      int32_t total = 0;
-      for (Int i = 0; i < size; i++) total += sums[q * step + step / 2 + i];
-      scores[p * per_row + q] = float(total) * share;
+    const uint16_t *above = columns.sums[p * rows_apart], *below = above + compared * LANES;
+    for (Int i = 0; i < LANES; i++) sums[p][i] = uint16_t(below[i] - above[i]);
+  }
+  for (Int p = 0; p < tile.down; p++) {
+    if constexpr (STEP == 0) {
+      for (Int q = 0; q < tile.across; q++) {
+        int32_t total = 0;
+        for (Int i = 0; i < size; i++) total += sums[p][q * step + i];
+        scores[p * per_row + q] = float(total) * share;
+      }
+    } else {
+      W32 total = load<W32>(sums[p]);
+      for (Int i = 1; i < size; i++) total += load<W32>(sums[p] + i);
+      uint16_t totals[TILE];
+      store(totals, total);
+      for (Int q = 0; q < TILE / STEP; q++) scores[p * (TILE / STEP) + q] = float(totals[q * STEP]) * share;
     }
   }
 }
 
 // Adds to the similarity of an offset what its fraction of a pixel hides along an axis. Dissimilarity grows linearly
 // with the distance from the true motion, so that the offsets before and after it differ by twice what is lost.
-FORCE_INLINE void add_peak(const float *scores, const float *before, const float *after, Int points,
-                           float *similarity) {
-  for (Int i = 0; i < points; i++) {
-    const bool is_peak = min(before[i], after[i]) >= 0 && scores[i] >= max(before[i], after[i]);
-    similarity[i] += is_peak ? 0.5f * absolute(before[i] - after[i]) : 0.0f;
+FORCE_INLINE void add_peak(F8 scores, F8 before, F8 after, F8 &similarity) {
+  const I8 is_peak = (min(before, after) >= 0) & (scores >= max(before, after));
+  similarity += is_peak ? 0.5f * absolute(before - after) : F8{};
+}
+
+// Lists the most similar offsets of all points of a tile, each at its best fraction of a pixel.
+template <Int CAPACITY>
+void list_offsets(const ProposedOffsets &proposals, const Tile &tile, Int step, const OffsetSet &offsets,
+                  const TileWork &work, const CandidateLists &lists) {
+  const Int per_row = TILE / step;
+  offsets.find_beside(work.beside);
+  for (Int first = 0; first < work.points; first += 8) {
+    F8 listed_here[CAPACITY ? CAPACITY : 1], *listed = CAPACITY ? listed_here : work.similarity;
+    I8 packed_here[CAPACITY ? CAPACITY : 1], *packed = CAPACITY ? packed_here : work.packed;
+    for (Int entry = 0; entry < (CAPACITY ? CAPACITY : lists.capacity); entry++) {
+      listed[entry] = broadcast<F8>(NOTHING);
+      packed[entry] = I8{} + NOWHERE;
+    }
+    Offset expected[8];
+    int32_t expected_number[8];
+    for (Int lane = 0; lane < 8; lane++) {
+      const Int p = (first + lane) / per_row, q = (first + lane) % per_row;
+      const Int y = min(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
+      const Int x = min(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
+      expected[lane] = proposals.expected[y * proposals.across + x];
+      expected_number[lane] = offsets.number_if_any(expected[lane].dx, expected[lane].dy);
+    }
+    F8 expected_similarity = broadcast<F8>(-1);
+    for (Int k = 0; k < offsets.count; k++) {
+      const auto scores_of = [&](Int number)
+                                 INLINE_LAMBDA { return load<F8>(work.scores + number * work.points + first); };
+      const Beside &beside = work.beside[k];
+      const F8 scores = scores_of(k + 1);
+      F8 similarity = scores;
+      add_peak(scores, scores_of(beside.left), scores_of(beside.right), similarity);
+      add_peak(scores, scores_of(beside.above), scores_of(beside.below), similarity);
+      expected_similarity = load<I8>(expected_number) == int32_t(k + 1) ? similarity : expected_similarity;
+      insert_top_eight<CAPACITY>(offsets.offsets[k], similarity, listed, packed, lists.capacity);
+    }
+    write_lists<CAPACITY>(tile, per_row, first, listed, packed, expected, expected_similarity, lists);
   }
 }
 
-// Computes the similarity of an offset at the points of a tile, at its best fraction of a pixel.
-FORCE_INLINE void find_similarity(const TileWork &work, const OffsetSet &offsets, Int k, TilePoints &points) {
-  const Offset offset = offsets.offsets[k];
-  const float *scores = work.scores + (k + 1) * work.points;
-  for (Int i = 0; i < work.points; i++) points.similarity[i] = scores[i];
-  for (Int axis = 0; axis < 2; axis++) {
-    const Int along_x = axis == 0, along_y = axis == 1;
-    const Int along = axis ? offset.dy : offset.dx;
-    if (max(along, -along) == offsets.limit) continue;
-    const Int before = offsets.number_of(offset.dx - along_x, offset.dy - along_y),
-              after = offsets.number_of(offset.dx + along_x, offset.dy + along_y);
-    add_peak(scores, work.scores + before * work.points, work.scores + after * work.points, work.points,
-             points.similarity);
-  }
-  for (Int i = 0; i < work.points; i++)
-    if (offset.dx == points.expected[i].dx && offset.dy == points.expected[i].dy)
-      points.expected_similarity[i] = points.similarity[i];
-}
-
-// Finds the most similar offsets, at least one, at every point of a frame. LANES, the columns of a tile and its patches
-// in whole vectors, is a constant, so that a row is one piece of code.
-template <Int LANES>
+// Finds the most similar offsets, at least one, at every point of a frame. STEP, as in `score_points`, and LANES, the
+// columns of a tile and its patches in whole vectors, are constants, so that a row is one piece of code.
+template <Int STEP, Int LANES>
 void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
                      const CandidateLists &lists, const TileWork &work) {
-  const Int step = settings.step, radius = settings.patch_radius, row_step = settings.row_step;
+  const Int step = STEP ? STEP : settings.step, radius = settings.patch_radius, row_step = settings.row_step;
   const Int size = 2 * radius + 1, compared = (size + row_step - 1) / row_step;  // columns and rows of a patch
   const float share = float(1 / double(frames.max_similarity * size * compared));
-  TilePoints points;
-  points.per_row = TILE / step;
+  const Int per_row = TILE / step;
   ColumnSums<LANES> columns;
   __builtin_memset(work.number, 0, work.places * sizeof *work.number);
   for (Int i = 0; i < work.points; i++) work.scores[i] = NOTHING;
   __builtin_memset(columns.sums[0], 0, sizeof columns.sums[0]);
   for (Int top = 0; top < frames.height; top += TILE)
     for (Int left = 0; left < frames.width; left += TILE) {
-      const Tile tile = {top,
-                         left,
-                         min(top + TILE, frames.height),
-                         min(left + TILE, frames.width),
-                         top / step,
-                         left / step,
-                         min(points.per_row, lists.down - top / step),
-                         min(points.per_row, lists.across - left / step)};
-      begin_points(proposals, tile, step, lists.capacity, work, points);
+      const Tile tile = {
+          top,        left,        min(top + TILE, frames.height),        min(left + TILE, frames.width),
+          top / step, left / step, min(per_row, lists.down - top / step), min(per_row, lists.across - left / step)};
       const Int last_row = max(tile.bottom, top + tile.down * step);  // the last points may lie beyond the frame's edge
-      const Int rows = (last_row - top + 2 * radius + row_step - 1) / row_step;
+      const Int rows = (tile.down - 1) * (step / row_step) + compared;
       OffsetSet offsets(settings.max_offset, work);
       gather_offsets(proposals, tile, settings.refine_radius, offsets);
-      const auto score = [&](const Frames<uint8_t> &of, Offset offset, float *scores) {
-        columns.compare(of, of.place(top - radius, left - radius),
-                        of.place(top - radius + offset.dy, left - radius + offset.dx), row_step * of.stride, rows);
-        score_points(columns, tile, settings, size, compared, share, points.per_row, scores);
+      const Int place = frames.place(top + step / 2 - radius, left + step / 2 - radius);  // of the first patch
+      columns.begin(frames, frames.first + place, row_step, rows);
+      const auto score = [&](const uint8_t *second, float *scores) INLINE_LAMBDA {
+        columns.compare(second + place);
+        score_points<STEP>(columns, tile, settings, size, compared, share, per_row, scores);
       };
       for (Int k = 0; k < offsets.count; k++) {
         const Offset offset = offsets.offsets[k];
@@ -306,21 +348,15 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
         if (min(top + offset.dy, left + offset.dx) < -TILE || last_row + offset.dy > frames.height + TILE ||
             tile.right + offset.dx > frames.width + TILE)
           continue;  // the tile would lie mostly outside
-        score(frames, offset, scores);
+        score(frames.second + offset.dy * frames.stride + offset.dx, scores);
       }
-      for (Int k = 0; k < offsets.count; k++) {
-        find_similarity(work, offsets, k, points);
-        for (Int i = 0; i < work.points; i += 8)
-          insert_top_eight(float(offsets.offsets[k].dx), float(offsets.offsets[k].dy), points.similarity, i,
-                           work.entries, work.points, lists.capacity);
-      }
+      (lists.capacity == 8 ? list_offsets<8> : list_offsets<0>)(proposals, tile, step, offsets, work, lists);
       offsets.clear();
-      write_lists(tile, work, points, lists);
-      score(frames.first_alone(), {1, 0}, work.scores + work.points);
-      score(frames.first_alone(), {0, 1}, work.scores + 2 * work.points);
+      score(frames.first + 1, work.scores + work.points);
+      score(frames.first + frames.stride, work.scores + 2 * work.points);
       for (Int p = 0; p < tile.down; p++)
         for (Int q = 0; q < tile.across; q++) {
-          const float *scores = work.scores + work.points + p * points.per_row + q;
+          const float *scores = work.scores + work.points + p * per_row + q;
           lists.detail[(tile.first_row + p) * lists.across + tile.first_column + q] =
               2 - scores[0] - scores[work.points];
         }
@@ -329,8 +365,13 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
 
 FORCE_INLINE void search_tiles(const Frames<uint8_t> &frames, const ProposedOffsets &proposals,
                                const TileSettings &settings, const CandidateLists &lists, const TileWork &work) {
-  const bool fits = TILE + 2 * settings.patch_radius <= 48;
-  (fits ? search_tiles_of<48> : search_tiles_of<64>)(frames, proposals, settings, lists, work);
+  const bool fits = settings.patch_radius <= 4 && frames.max_similarity <= 255;
+  const auto search = !fits                ? search_tiles_of<0, 64>
+                      : settings.step == 2 ? search_tiles_of<2, 48>
+                      : settings.step == 4 ? search_tiles_of<4, 48>
+                      : settings.step == 8 ? search_tiles_of<8, 48>
+                                           : search_tiles_of<0, 64>;
+  search(frames, proposals, settings, lists, work);
 }
 
 }  // namespace
