@@ -41,8 +41,8 @@ KERNEL(void, compare_labels, const CompareLabels &args) {
 
 KERNEL(Int, choose_labels, const ChooseLabels &args) {
   Workspace workspace(args.scratch);
-  const Lattice lattice(args.count.shape[0] * args.count.shape[1], args.similarity.shape[2], args.costs.data,
-                        workspace);
+  const Lattice lattice(args.count.shape[0] * args.count.shape[1], args.count.shape[1], args.similarity.shape[2],
+                        args.costs.data, workspace);
   if (workspace.is_counting()) return workspace.size();
   choose_labels({args.count.data, as<const Vector *>(args.motions.data), args.similarity.data,
                  args.smoothness_weight.data, args.count.shape[0], args.count.shape[1], args.similarity.shape[2]},
@@ -71,7 +71,7 @@ KERNEL(Int, search_level, const SearchLevel &args) {
                           columns,
                           labels};
   const TileWork work(tiles, spacing, labels, scratch);
-  const Lattice lattice(nodes, labels, costs, scratch);
+  const Lattice lattice(nodes, columns, labels, costs, scratch);
   if (scratch.is_counting()) return scratch.size();
   Frames<uint8_t> frames(args.pair);
   for (Int direction = 0; direction < flow.shape[0]; direction++) {
