@@ -18,6 +18,8 @@ struct Offset {
   int32_t dx, dy;
 };
 
+FORCE_INLINE bool is_same(Offset a, Offset b) { return a.dx == b.dx && a.dy == b.dy; }
+
 struct TileSettings {
   Int step, refine_radius, max_offset, patch_radius, row_step;
 };
@@ -155,7 +157,12 @@ FORCE_INLINE void gather_offsets(const ProposedOffsets &proposals, const Tile &t
               right = min((tile.right + margin - 1) / spacing + 1, proposals.across);
     offsets.add_around({0, 0}, distance);
     for (Int y = top; y < bottom; y++)
-      for (Int x = left; x < right; x++) offsets.add_around(proposals.proposed[y * proposals.across + x], distance);
+      for (Int x = left; x < right; x++) {
+        const Offset *proposed = proposals.proposed + y * proposals.across + x;
+        const bool is_known = (x > left && is_same(proposed[0], proposed[-1])) ||
+                              (y > top && is_same(proposed[0], proposed[-proposals.across]));
+        if (!is_known) offsets.add_around(*proposed, distance);
+      }
   }
 }
 
@@ -203,8 +210,10 @@ FORCE_INLINE void write_lists(const Tile &tile, Int per_row, Int first, const F8
 template <Int LANES> struct ColumnSums {
   alignas(64) uint16_t sums[TILE + 2 * MAX_TILE_PATCH_RADIUS + 1][LANES];
   alignas(64) uint8_t first[TILE + 2 * MAX_TILE_PATCH_RADIUS][3][64];
+  alignas(32) uint8_t first_beyond[3][32], beyond[32];  // of the column after 32 lanes, where patches are that wide
   Int rows, row_stride, plane;
   uint8_t max_similarity;
+  bool reads_beyond;
 
   template <typename V> FORCE_INLINE void copy_columns(const uint8_t *pixels, Int column) {
     for (Int row = 0; row < rows; row++)
@@ -212,14 +221,21 @@ template <Int LANES> struct ColumnSums {
         store(first[row][c] + column, load<V>(pixels + row * row_stride + c * plane + column));
   }
   // Begins a tile with the pixels of the first frame.
-  FORCE_INLINE void begin(const Frames<uint8_t> &frames, const uint8_t *pixels, Int row_step, Int used_rows) {
+  FORCE_INLINE void begin(const Frames<uint8_t> &frames, const uint8_t *pixels, Int row_step, Int used_rows,
+                          Int patch_size) {
     rows = used_rows;
+    reads_beyond = LANES == 32 && patch_size == 9;
     row_stride = row_step * frames.stride;
     plane = frames.plane;
     max_similarity = uint8_t(frames.max_similarity);
     copy_columns<B32>(pixels, 0);
     if constexpr (LANES == 48) copy_columns<B16>(pixels, 32);
     if constexpr (LANES == 64) copy_columns<B32>(pixels, 32);
+    if (reads_beyond) copy_beyond(pixels, first_beyond);
+  }
+  FORCE_INLINE void copy_beyond(const uint8_t *pixels, uint8_t (&column)[3][32]) const {
+    for (Int row = 0; row < rows; row++)
+      for (int c = 0; c < 3; c++) column[c][row] = pixels[row * row_stride + c * plane + 32];
   }
   template <typename V> FORCE_INLINE void compare_columns(const uint8_t *second, Int column) {
     const V most = max_similarity - V{};
@@ -234,11 +250,51 @@ template <Int LANES> struct ColumnSums {
     }
   }
   FORCE_INLINE void compare(const uint8_t *second) {
+    alignas(32) uint8_t second_beyond[3][32];
+    if (reads_beyond) copy_beyond(second, second_beyond);
     compare_columns<B32>(second, 0);
+    if (reads_beyond) {
+      const B32 pixels[3] = {load<B32>(first_beyond[0]), load<B32>(first_beyond[1]), load<B32>(first_beyond[2])};
+      store(beyond, byte_similarity(pixels, second_beyond[0], 32, max_similarity - B32{}));
+    }
     if constexpr (LANES == 48) compare_columns<B16>(second, 32);
     if constexpr (LANES == 64) compare_columns<B32>(second, 32);
   }
 };
+
+// Sums of two lanes side by side: of the first vector in even lanes, of the second one in odd lanes.
+FORCE_INLINE W32 sum_pairs(W32 first, W32 second) {
+  const U32 a = as<U32>(first), b = as<U32>(second);
+  return as<W32>(((a + (a >> 16)) & 0xffffu) | ((b + (b << 16)) & 0xffff0000u));
+}
+FORCE_INLINE L8 sum_pairs_of_pairs(W32 first, W32 second) {
+  const L8 a = as<L8>(first), b = as<L8>(second), lower = L8{} + 0xffffffffu;
+  return ((a + (a >> 32)) & lower) | ((b + (b << 32)) & ~lower);
+}
+
+// Scores an offset at the sixteen points of a tile that are eight pixels apart, by patches of nine columns.
+FORCE_INLINE void score_sixteen_points(const ColumnSums<32> &columns, Int rows_apart, Int compared, float share,
+                                       float *scores) {
+  W32 sums[4];
+  L8 ninth{};
+  alignas(32) uint16_t beyond[16] = {};
+  for (Int p = 0; p < 4; p++) {
+    const uint16_t *above = columns.sums[p * rows_apart];
+    sums[p] = load<W32>(above + compared * 32) - load<W32>(above);
+    ninth |= (as<L8>(sums[p]) & 0xffffu) << (16 * p);
+    uint32_t total = 0;
+    for (Int row = 0; row < compared; row++) total += columns.beyond[p * rows_apart + row];
+    beyond[12 + p] = uint16_t(total);
+  }
+  // four lanes in each of eight groups: of four columns each, at the four points below each other
+  const L8 fours = sum_pairs_of_pairs(sum_pairs(sums[0], sums[1]), sum_pairs(sums[2], sums[3]));
+  const L4 left = __builtin_shufflevector(fours, fours, 0, 2, 4, 6),
+           right = __builtin_shufflevector(fours, fours, 1, 3, 5, 7),
+           next = __builtin_shufflevector(ninth, L8{}, 2, 4, 6, 8);
+  const U16 down = as<U16>(left) + as<U16>(right) + as<U16>(next) + load<U16>(beyond);
+  const U16 across = __builtin_shufflevector(down, down, 0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+  store(scores, __builtin_convertvector(__builtin_convertvector(across, I16), F16) * share);
+}
 
 // Scores an offset at the points of a tile by the sums of its patches: `compared` rows of `size` columns, of which each
 // pixel counts `share`. STEP is the distance between points, and sums fit 16 bits; or 0 for any.
@@ -246,6 +302,8 @@ template <Int STEP, Int LANES>
 FORCE_INLINE void score_points(const ColumnSums<LANES> &columns, const Tile &tile, const TileSettings &settings,
                                Int size, Int compared, float share, Int per_row, float *scores) {
   const Int step = STEP ? STEP : settings.step, rows_apart = step / settings.row_step;
+  if constexpr (LANES == 32)
+    if (columns.reads_beyond) return score_sixteen_points(columns, rows_apart, compared, share, scores);
   alignas(64) uint16_t sums[TILE][LANES + 2 * MAX_TILE_PATCH_RADIUS];
   for (Int p = 0; p < tile.down; p++) {
     const uint16_t *above = columns.sums[p * rows_apart], *below = above + compared * LANES;
@@ -325,7 +383,7 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
   ColumnSums<LANES> columns;
   __builtin_memset(work.number, 0, work.places * sizeof *work.number);
   for (Int i = 0; i < work.points; i++) work.scores[i] = NOTHING;
-  __builtin_memset(columns.sums[0], 0, sizeof columns.sums[0]);
+  __builtin_memset(&columns, 0, sizeof columns);
   for (Int top = 0; top < frames.height; top += TILE)
     for (Int left = 0; left < frames.width; left += TILE) {
       const Tile tile = {
@@ -336,7 +394,7 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
       OffsetSet offsets(settings.max_offset, work);
       gather_offsets(proposals, tile, settings.refine_radius, offsets);
       const Int place = frames.place(top + step / 2 - radius, left + step / 2 - radius);  // of the first patch
-      columns.begin(frames, frames.first + place, row_step, rows);
+      columns.begin(frames, frames.first + place, row_step, rows, size);
       const auto score = [&](const uint8_t *second, float *scores) INLINE_LAMBDA {
         columns.compare(second + place);
         score_points<STEP>(columns, tile, settings, size, compared, share, per_row, scores);
@@ -365,12 +423,11 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
 
 FORCE_INLINE void search_tiles(const Frames<uint8_t> &frames, const ProposedOffsets &proposals,
                                const TileSettings &settings, const CandidateLists &lists, const TileWork &work) {
-  const bool fits = settings.patch_radius <= 4 && frames.max_similarity <= 255;
-  const auto search = !fits                ? search_tiles_of<0, 64>
-                      : settings.step == 2 ? search_tiles_of<2, 48>
-                      : settings.step == 4 ? search_tiles_of<4, 48>
-                      : settings.step == 8 ? search_tiles_of<8, 48>
-                                           : search_tiles_of<0, 64>;
+  const Int step = settings.patch_radius > 4 ? Int(0) : settings.step;
+  const auto search = step == 2                             ? search_tiles_of<2, 48>
+                      : step == 4                           ? search_tiles_of<4, 48>
+                      : step == 8 && settings.row_step == 2 ? search_tiles_of<8, 32>
+                                                            : search_tiles_of<0, 64>;
   search(frames, proposals, settings, lists, work);
 }
 

@@ -16,6 +16,8 @@ typedef uint16_t U16 __attribute__((vector_size(32)));
 typedef uint8_t B16 __attribute__((vector_size(16)));
 typedef uint8_t B32 __attribute__((vector_size(32)));
 typedef uint16_t W32 __attribute__((vector_size(64)));
+typedef uint64_t L8 __attribute__((vector_size(64)));
+typedef uint64_t L4 __attribute__((vector_size(32)));
 
 template <typename V> constexpr int lane_count = sizeof(V) / sizeof(float);
 
@@ -90,7 +92,6 @@ FORCE_INLINE F16 absolute(F16 a) { return as<F16>(as<I16>(a) & 0x7fffffff); }
 
 // Whether any bit of a mask of 32 bytes is set.
 template <typename V> FORCE_INLINE bool any(V mask) {
-  typedef int64_t L4 __attribute__((vector_size(32)));
   const L4 parts = as<L4>(mask);
   return (parts[0] | parts[1] | parts[2] | parts[3]) != 0;
 }
