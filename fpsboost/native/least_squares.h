@@ -7,25 +7,10 @@ namespace {
 
 constexpr Int WINDOW_SIDE = 8;
 
-typedef int16_t S16 __attribute__((vector_size(32)));
-typedef int16_t S8 __attribute__((vector_size(16)));
+typedef uint8_t B8 __attribute__((vector_size(8)));
 
-// A row of a plane around a window: sums and differences of both frames, integers until they are multiplied.
-struct Row {
-  S16 sum, change;
-};
-
-FORCE_INLINE Row read_row(const uint8_t *first, const uint8_t *second) {
-  const S16 level0 = __builtin_convertvector(load<B16>(first), S16);
-  const S16 level1 = __builtin_convertvector(load<B16>(second), S16);
-  return {level0 + level1, level1 - level0};
-}
-
-// The columns of the window, moved by -1, 0 or 1 pixel.
-FORCE_INLINE S8 left_columns(S16 row) { return __builtin_shufflevector(row, row, 0, 1, 2, 3, 4, 5, 6, 7); }
-FORCE_INLINE S8 columns(S16 row) { return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 8); }
-FORCE_INLINE S8 right_columns(S16 row) { return __builtin_shufflevector(row, row, 2, 3, 4, 5, 6, 7, 8, 9); }
-FORCE_INLINE F8 as_floats(S8 words) { return __builtin_convertvector(__builtin_convertvector(words, I8), F8); }
+FORCE_INLINE I8 read_levels(const uint8_t *row) { return __builtin_convertvector(load<B8>(row), I8); }
+FORCE_INLINE F8 as_floats(I8 values) { return __builtin_convertvector(values, F8); }
 
 FORCE_INLINE float sum_lanes(F8 values) {
   float four[4];
@@ -44,20 +29,22 @@ template <typename V> struct Products {
 template <bool IS_WEIGHTED>
 FORCE_INLINE Products<float> window_products(const uint8_t *first, const uint8_t *second, Int stride, Int plane,
                                              float tail) {
-  Row above[3], centre[3];
+  I8 above[3], centre[3];  // sums of both frames, integers until they are multiplied
   for (int c = 0; c < 3; c++) {
-    above[c] = read_row(first + c * plane, second + c * plane);
-    centre[c] = read_row(first + c * plane + stride, second + c * plane + stride);
+    const Int place = c * plane + 1;
+    above[c] = read_levels(first + place) + read_levels(second + place);
+    centre[c] = read_levels(first + place + stride) + read_levels(second + place + stride);
   }
   Products<F8> total = {};
 #pragma clang loop unroll(full)
-  for (Int j = 2; j < WINDOW_SIDE + 2; j++) {
+  for (Int j = 1; j <= WINDOW_SIDE; j++) {
     Products<F8> row;
     for (int c = 0; c < 3; c++) {
-      const Row below = read_row(first + c * plane + j * stride, second + c * plane + j * stride);
-      const F8 x = as_floats(right_columns(centre[c].sum) - left_columns(centre[c].sum));
-      const F8 y = as_floats(columns(below.sum) - columns(above[c].sum));
-      const F8 t = as_floats(columns(centre[c].change));
+      const uint8_t *left0 = first + c * plane + j * stride, *left1 = second + c * plane + j * stride;
+      const I8 below = read_levels(left0 + stride + 1) + read_levels(left1 + stride + 1);
+      const F8 x = as_floats(read_levels(left0 + 2) + read_levels(left1 + 2) - read_levels(left0) - read_levels(left1));
+      const F8 y = as_floats(below - above[c]);
+      const F8 t = as_floats(read_levels(left1 + 1) - read_levels(left0 + 1));
       if (c == 0)
         row = {x * x, x * y, y * y, x * t, y * t, t * t};
       else
