@@ -18,6 +18,9 @@ struct Offset {
   int32_t dx, dy;
 };
 
+FORCE_INLINE int32_t packed_offset(Offset offset) {
+  return int32_t(uint32_t(offset.dy) << 16 | (uint32_t(offset.dx) & 0xffff));
+}
 FORCE_INLINE bool is_same(Offset a, Offset b) { return a.dx == b.dx && a.dy == b.dy; }
 
 struct TileSettings {
@@ -41,7 +44,7 @@ struct TileWork {
   I8 *packed;
 
   TileWork(const TileSettings &settings, Int spacing, Int capacity, Workspace &workspace) {
-    const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 1;
+    const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 3;  // with a border of zeros
     const Int proposals = (TILE + 2 * PROPOSAL_MARGIN) / spacing + 2, reach = 2 * settings.refine_radius + 1;
     const Int most = 2 + min(side * side, reach * reach * (1 + proposals * proposals));
     points = max(per_tile * per_tile, Int(8));
@@ -89,7 +92,7 @@ FORCE_INLINE void insert_top_eight(Offset offset, F8 similarity, F8 *listed, I8 
   const Int capacity = CAPACITY ? CAPACITY : any_capacity;
   if (!any(similarity > listed[capacity - 1])) return;
   F8 inserted = similarity;
-  I8 inserted_offset = I8{} + int32_t(uint32_t(offset.dy) << 16 | (uint32_t(offset.dx) & 0xffff)), is_open = ~I8{};
+  I8 inserted_offset = I8{} + packed_offset(offset), is_open = ~I8{};
   const U16 one_less = as<U16>(inserted_offset) - uint16_t(1);
   for (Int entry = 0; entry < capacity; entry++) {
     const F8 before = listed[entry];
@@ -109,9 +112,9 @@ struct OffsetSet {
   Offset *offsets;
 
   OffsetSet(Int limit, const TileWork &work)
-      : limit(limit), side(2 * limit + 1), count(0), number(work.number), offsets(work.offsets) {}
+      : limit(limit), side(2 * limit + 3), count(0), number(work.number), offsets(work.offsets) {}
 
-  int32_t &number_of(Int dx, Int dy) const { return number[(dy + limit) * side + dx + limit]; }
+  int32_t &number_of(Int dx, Int dy) const { return number[(dy + limit + 1) * side + dx + limit + 1]; }
 
   // Adds the offsets at a distance from another one, along x and y together, as far as they are within the limit.
   void add_around(Offset offset, Int distance) {
@@ -133,9 +136,8 @@ struct OffsetSet {
 
   void find_beside(Beside *beside) const {
     for (Int k = 0; k < count; k++) {
-      const Int dx = offsets[k].dx, dy = offsets[k].dy;
-      beside[k] = {number_if_any(dx - 1, dy), number_if_any(dx + 1, dy), number_if_any(dx, dy - 1),
-                   number_if_any(dx, dy + 1)};
+      const int32_t *own = &number_of(offsets[k].dx, offsets[k].dy);
+      beside[k] = {own[-1], own[1], own[-side], own[side]};
     }
   }
 
@@ -166,41 +168,36 @@ FORCE_INLINE void gather_offsets(const ProposedOffsets &proposals, const Tile &t
   }
 }
 
-// Appends an offset to a point's list if it is not listed yet; if the list is full, replaces the last entry.
-FORCE_INLINE void keep_offset(Offset offset, float similarity, Int point, const CandidateLists &lists) {
-  Vector *flow = lists.flow + point * lists.capacity;
-  const Int count = lists.listed[point];
-  for (Int k = 0; k < count; k++)
-    if (flow[k].dx == float(offset.dx) && flow[k].dy == float(offset.dy)) return;
-  const Int place = min(count, lists.capacity - 1);
-  lists.similarity[point * lists.capacity + place] = similarity;
-  flow[place] = {float(offset.dx), float(offset.dy)};
-  lists.listed[point] = int32_t(place + 1);
-}
-
 // Writes the lists of eight points of a tile, from number `first` on, to those of the frame. The expected motion is
-// added where its similarity is not negative; if nothing is listed, zero motion is.
+// added where its similarity is not negative, and replaces the last entry of a list that is full; if nothing is listed,
+// zero motion is.
 template <Int CAPACITY>
 FORCE_INLINE void write_lists(const Tile &tile, Int per_row, Int first, const F8 *listed, const I8 *packed,
-                              const Offset *expected, F8 expected_similarity, const CandidateLists &lists) {
+                              F8 expected_similarity, I8 expected, const CandidateLists &lists) {
   const Int capacity = CAPACITY ? CAPACITY : lists.capacity;
+  I8 count{}, is_expected = expected_similarity >= 0;
+  for (Int entry = 0; entry < capacity; entry++) {
+    const I8 is_filled = listed[entry] > NOTHING;
+    count -= is_filled;
+    is_expected &= ~(is_filled & (packed[entry] == expected));
+  }
   for (Int lane = 0; lane < 8; lane++) {
     const Int p = (first + lane) / per_row, q = (first + lane) % per_row;
     if (p >= tile.down || q >= tile.across) continue;
     const Int point = (tile.first_row + p) * lists.across + tile.first_column + q;
     float *similarity = lists.similarity + point * capacity;
     Vector *flow = lists.flow + point * capacity;
-    int32_t count = 0;
     for (Int entry = 0; entry < capacity; entry++) {
-      const bool is_filled = as<const float *>(listed + entry)[lane] > NOTHING;
-      const int32_t offset = as<const int32_t *>(packed + entry)[lane];
+      const int32_t offset = entry < count[lane] ? as<const int32_t *>(packed + entry)[lane] : 0;
       similarity[entry] = as<const float *>(listed + entry)[lane];
-      flow[entry] = is_filled ? Vector{float(int16_t(offset)), float(offset >> 16)} : Vector{0, 0};
-      count += is_filled;
+      flow[entry] = {float(int16_t(offset)), float(offset >> 16)};
     }
-    lists.listed[point] = count;
-    if (expected_similarity[lane] >= 0) keep_offset(expected[lane], expected_similarity[lane], point, lists);
-    lists.listed[point] = max(lists.listed[point], 1);
+    lists.listed[point] = max(count[lane], 1);
+    if (!is_expected[lane]) continue;
+    const int32_t place = min(count[lane], int32_t(capacity - 1));
+    similarity[place] = expected_similarity[lane];
+    flow[place] = {float(int16_t(expected[lane])), float(expected[lane] >> 16)};
+    lists.listed[point] = place + 1;
   }
 }
 
@@ -346,14 +343,14 @@ void list_offsets(const ProposedOffsets &proposals, const Tile &tile, Int step, 
       listed[entry] = broadcast<F8>(NOTHING);
       packed[entry] = I8{} + NOWHERE;
     }
-    Offset expected[8];
-    int32_t expected_number[8];
+    int32_t expected[8], expected_number[8];
     for (Int lane = 0; lane < 8; lane++) {
       const Int p = (first + lane) / per_row, q = (first + lane) % per_row;
       const Int y = min(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
       const Int x = min(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
-      expected[lane] = proposals.expected[y * proposals.across + x];
-      expected_number[lane] = offsets.number_if_any(expected[lane].dx, expected[lane].dy);
+      const Offset offset = proposals.expected[y * proposals.across + x];
+      expected[lane] = packed_offset(offset);
+      expected_number[lane] = offsets.number_if_any(offset.dx, offset.dy);
     }
     F8 expected_similarity = broadcast<F8>(-1);
     for (Int k = 0; k < offsets.count; k++) {
@@ -367,7 +364,7 @@ void list_offsets(const ProposedOffsets &proposals, const Tile &tile, Int step, 
       expected_similarity = load<I8>(expected_number) == int32_t(k + 1) ? similarity : expected_similarity;
       insert_top_eight<CAPACITY>(offsets.offsets[k], similarity, listed, packed, lists.capacity);
     }
-    write_lists<CAPACITY>(tile, per_row, first, listed, packed, expected, expected_similarity, lists);
+    write_lists<CAPACITY>(tile, per_row, first, listed, packed, expected_similarity, load<I8>(expected), lists);
   }
 }
 
