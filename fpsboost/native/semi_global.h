@@ -66,16 +66,15 @@ FORCE_INLINE void aggregate_path_costs(const Lattice &lattice, Int node, Int nod
 }
 
 FORCE_INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice, Int first, Int end) {
-  for (Int i = first * lattice.room; i < end * lattice.room; i++) {
-    lattice.x[i] = lattice.y[i] = lattice.total[i] = 0;
-    lattice.data_cost[i] = MISSING_LABEL_COST;
-  }
+  const Int room = lattice.room, capacity = lists.capacity;
+  for (Int i = first * room; i < end * room; i++) lattice.total[i] = 0;
   for (Int node = first; node < end; node++)
-    for (Int k = 0; k < lists.count[node]; k++) {
-      const Int from = node * lists.capacity + k, to = node * lattice.room + k;
-      lattice.x[to] = lists.motion[from].dx;
-      lattice.y[to] = lists.motion[from].dy;
-      lattice.data_cost[to] = -lists.similarity[from];
+    for (Int k = 0; k < room; k++) {
+      const Int from = node * capacity + k, to = node * room + k;
+      const bool is_listed = k < lists.count[node];
+      lattice.x[to] = is_listed ? lists.motion[from].dx : 0.0f;
+      lattice.y[to] = is_listed ? lists.motion[from].dy : 0.0f;
+      lattice.data_cost[to] = is_listed ? -lists.similarity[from] : MISSING_LABEL_COST;
     }
 }
 
