@@ -203,7 +203,7 @@ FORCE_INLINE void write_lists(const Tile &tile, Int per_row, Int first, const F8
 
 // Sums of the similarity over the columns of a tile, from the first row of its patches to each row, for one offset
 // after another. Differences of two of them are right even where the sums overflow. The rows of the first frame are
-// copied before, since all offsets read them, and rows of a frame may lie a power of two apart, where caches hold few.
+// copied before, since all offsets read them.
 template <Int LANES> struct ColumnSums {
   alignas(64) uint16_t sums[TILE + 2 * MAX_TILE_PATCH_RADIUS + 1][LANES];
   alignas(64) uint8_t first[TILE + 2 * MAX_TILE_PATCH_RADIUS][3][64];
