@@ -22,7 +22,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 
-INTERPOLATOR, NLM, SYNTHESIS = "fpsboost.interpolator", "fpsboost.motion.nlm", "fpsboost.synthesis.multi_hypothesis"
+FINISHING, NLM, SYNTHESIS = "fpsboost.finishing", "fpsboost.motion.nlm", "fpsboost.synthesis.multi_hypothesis"
 
 
 class Stage(NamedTuple):
@@ -44,14 +44,18 @@ STAGES = {
     "coarse search": Stage(NLM, "search_fused"),
     "level search": Stage(NLM, "search_level", width_of=lambda pair, *_: pair.width),
     "residual search": Stage(NLM, "search_residuals_bidirectional"),
+    "residual regions": Stage(NLM, "match_residual_regions"),
     "least-squares step": Stage(NLM, "refine_bidirectional"),
     "accelerations": Stage("fpsboost.synthesis.votes", "accelerations_at_points"),
     "votes": Stage(SYNTHESIS, "collect_votes"),
+    "context, frames": Stage(SYNTHESIS, "find_context"),
+    "context, time": Stage(SYNTHESIS, "context_at"),
+    "splines, planes": Stage(SYNTHESIS, "spline_samples"),
     "spline filter": Stage("fpsboost.synthesis.spline_samples", "find_coefficients"),
     "collecting": Stage(SYNTHESIS, "collect_candidates"),
     "listing": Stage(SYNTHESIS, "list_candidates"),
     "blending": Stage(SYNTHESIS, "blend_hypotheses"),
-    "overlay": Stage(INTERPOLATOR, "find_overlay"),
+    "overlay": Stage(FINISHING, "find_overlay"),
 }
 """By the name in the table."""
 
