@@ -69,16 +69,18 @@ def find_overlay(
     marks = stands_out = _mark([_luma(image) for image in images], surroundings, points, level, 1)
     for planes in zip(*(image.cached(half_chroma) for image in images), strict=True):
         of_chroma = _mark(planes, surroundings / 2, points / 2, level / CHROMA_WEIGHT, 2)
-        # letters whose luma is that of the background
-        stands_out = np.maximum(stands_out, cv2.resize(of_chroma, marks.shape[::-1], interpolation=cv2.INTER_NEAREST))
+        if of_chroma.max() == STATIC_CONTRAST:  # letters whose luma is that of the background
+            enlarged = cv2.resize(of_chroma, marks.shape[::-1], interpolation=cv2.INTER_NEAREST)
+            stands_out = np.maximum(stands_out, enlarged)
     if stands_out.max() < STATIC_CONTRAST:  # the usual case
         return None
     is_static = marks > 0
     found = (stands_out == STATIC_CONTRAST) & is_static
     together = found & (cv2.boxFilter(found.astype(np.uint8), -1, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
+    if not together.any():
+        return None
     near = cv2.dilate(together.astype(np.uint8), np.ones((DILATION_SIZE, DILATION_SIZE), np.uint8))
-    overlay = is_static & (near > 0)
-    return overlay if overlay.any() else None
+    return is_static & (near > 0)
 
 
 def _mark(

@@ -46,11 +46,10 @@ def half_chroma(image: Pixels) -> list[np.ndarray]:
 
     Planes of a video keep their own code values and dtype.
     """
-    height, width = image.shape[:2]
-    size = -(-width // 2), -(-height // 2)
-    planes = view(image).chroma()
-    if planes and planes[0].shape != size[::-1]:
-        planes = [cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in planes]
+    height, width = (-(-length // 2) for length in image.shape[:2])
+    # of half the image, not of the whole one: a quarter of the time
+    half = partial(cv2.resize, dsize=(width, height), interpolation=cv2.INTER_AREA)
+    planes = view(view(image).map(half)).chroma()
     return [each if each.dtype != np.float32 else np.rint(each.clip(0, 255)).astype(np.uint8) for each in planes]
 
 

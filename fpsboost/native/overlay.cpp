@@ -3,6 +3,8 @@
 
 namespace {
 
+constexpr Int PIXELS_AT_ONCE = 32;
+
 template <typename T> struct Pictures {
   View<const T, 2> image0, image1, before, after;
 
@@ -29,35 +31,6 @@ FORCE_INLINE BlockMotion motion_of_block(const float *vector, float shortest) {
   return {still, whole_pixels(vector[0]), whole_pixels(vector[1])};
 }
 
-// Writes how much pixels of row y, from `left` to `right`, would change at least if they had moved along.
-//
-// One of the frames would show the pixel's luma on one side or the other. It is 0 where that is outside.
-template <typename T>
-void find_smallest_change(const Pictures<T> &pictures, Int y, Int left, Int right, const BlockMotion &motion,
-                          T *__restrict smallest) {
-  const Int height = pictures.image0.shape[0], width = pictures.image0.shape[1];
-  for (Int x = left; x < right; x++) smallest[x] = T(-1);
-  for (Int sign = -1; sign <= 1; sign += 2) {
-    const Int other_y = y + sign * motion.dy, moved = sign * motion.dx;
-    const Int first = min(max(-moved, left), right), last = max(min(width - moved, right), left);
-    if (other_y < 0 || other_y >= height || first >= last) {
-      for (Int x = left; x < right; x++) smallest[x] = 0;
-      return;
-    }
-    for (Int x = left; x < first; x++) smallest[x] = 0;
-    for (Int x = last; x < right; x++) smallest[x] = 0;
-    const T *pixels = pictures.image0.ptr(y), *image0 = pictures.image0.ptr(other_y),
-            *image1 = pictures.image1.ptr(other_y);
-    const T *before = pictures.before.ptr(other_y), *after = pictures.after.ptr(other_y);
-    for (Int x = first; x < last; x++) {
-      const T luma = pixels[x];
-      const T of_pair = min(difference(image0[x + moved], luma), difference(image1[x + moved], luma));
-      const T of_others = min(difference(before[x + moved], luma), difference(after[x + moved], luma));
-      smallest[x] = min(smallest[x], min(of_pair, of_others));
-    }
-  }
-}
-
 // Writes STATIC for the pixels of row y that change by at most `same` code values, else 0.
 template <typename T> void mark_static(const Pictures<T> &pictures, Int y, T same, uint8_t *__restrict row, Int width) {
   const T *image0 = pictures.image0.ptr(y), *image1 = pictures.image1.ptr(y);
@@ -69,11 +42,48 @@ template <typename T> void mark_static(const Pictures<T> &pictures, Int y, T sam
   }
 }
 
-// Writes STATIC_CONTRAST in place of STATIC where a pixel would be different if it had moved.
+// Writes STATIC_CONTRAST in place of STATIC where one of some pixels from y, x on would be different if it had moved
+// along: each frame would show other luma on one side or the other, within the frame. Returns whether any would be.
 template <typename T>
-void mark_changes(const T *smallest, T different, Int left, Int right, uint8_t *__restrict row) {
-  for (Int x = left; x < right; x++)
-    row[x] = smallest[x] > different && row[x] == STATIC ? uint8_t(STATIC_CONTRAST) : row[x];
+FORCE_INLINE bool mark_some(const Pictures<T> &pictures, Int y, Int x, Int count, const BlockMotion &motion,
+                            T different, uint8_t *__restrict row) {
+  uint8_t mark = 0;
+  for (Int i = 0; i < count; i++) mark = max(mark, row[x + i]);
+  if (!mark) return false;
+  const T *__restrict luma = pictures.image0.ptr(y, x);
+  T smallest[PIXELS_AT_ONCE];
+  for (Int i = 0; i < count; i++) smallest[i] = T(-1);
+  for (Int sign = -1; sign <= 1; sign += 2) {
+    const Int to_y = y + sign * motion.dy, to_x = x + sign * motion.dx;
+    const T *image0 = pictures.image0.ptr(to_y, to_x), *image1 = pictures.image1.ptr(to_y, to_x);
+    const T *before = pictures.before.ptr(to_y, to_x), *after = pictures.after.ptr(to_y, to_x);
+    T largest = 0;
+    for (Int i = 0; i < count; i++) {
+      const T of_pair = min(difference(image0[i], luma[i]), difference(image1[i], luma[i]));
+      const T of_others = min(difference(before[i], luma[i]), difference(after[i], luma[i]));
+      smallest[i] = min(smallest[i], min(of_pair, of_others));
+      largest = max(largest, smallest[i]);
+    }
+    if (largest <= different) return false;
+  }
+  for (Int i = 0; i < count; i++)
+    row[x + i] = smallest[i] > different && row[x + i] == STATIC ? uint8_t(STATIC_CONTRAST) : row[x + i];
+  return true;
+}
+
+// The same of row y from `left` to `right`. What would come from outside of the frame stays STATIC.
+template <typename T>
+bool mark_changes(const Pictures<T> &pictures, Int y, Int left, Int right, const BlockMotion &motion, T different,
+                  uint8_t *row) {
+  const Int height = pictures.image0.shape[0], width = pictures.image0.shape[1];
+  const Int down = max(motion.dy, -motion.dy), across = max(motion.dx, -motion.dx);
+  if (y < down || y >= height - down) return false;
+  const Int last = min(right, width - across);
+  bool found = false;
+  Int x = max(left, across);
+  for (; x + PIXELS_AT_ONCE <= last; x += PIXELS_AT_ONCE)  // a number that is known, because short loops are slow
+    found |= mark_some(pictures, y, x, PIXELS_AT_ONCE, motion, different, row);
+  return (x < last && mark_some(pictures, y, x, last - x, motion, different, row)) | found;
 }
 
 // Whether a pixel is seen in image1 where the motion of its point leads to; no pixel moves with a point that is static.
@@ -130,7 +140,6 @@ template <typename T> Int mark(const MarkOverlay &args) {
   const Int height = marks.shape[0], width = marks.shape[1], spacing = args.spacing, blocks = motion.shape[1];
   const float shortest = args.shortest;
   Workspace workspace(args.scratch);
-  T *smallest = workspace.take<T>(width);
   View<BlockCounts, 2> counts;
   counts.shape[0] = (height + spacing - 1) / spacing;
   counts.shape[1] = (width + spacing - 1) / spacing;
@@ -138,9 +147,10 @@ template <typename T> Int mark(const MarkOverlay &args) {
   if (workspace.is_counting()) return workspace.size();
   for (Int top = 0; top < height; top += spacing) {
     const Int block_row = top / spacing, bottom = min(top + spacing, height);
+    bool found = false;
     for (Int y = top; y < bottom; y++) mark_static(pictures, y, T(args.same), marks.ptr(y), width);
     for (Int end = 0; end < blocks;) {
-      // neighbouring blocks that move alike are one, because short loops are slow
+      // neighbouring blocks that move alike are one
       const BlockMotion shared = motion_of_block(motion.ptr(block_row, end), shortest);
       const Int left = end * spacing;
       while (end < blocks && motion_of_block(motion.ptr(block_row, end), shortest) == shared) end++;
@@ -151,13 +161,12 @@ template <typename T> Int mark(const MarkOverlay &args) {
           for (Int x = left; x < right; x++) row[x] = 0;
           continue;
         }
-        find_smallest_change(pictures, y, left, right, shared, smallest);
-        mark_changes(smallest, T(args.different), left, right, row);
+        found |= mark_changes(pictures, y, left, right, shared, T(args.different), row);
       }
     }
     for (Int left = 0; left < width; left += spacing)
       counts(block_row, left / spacing) =
-          count_block(pictures, top, left, bottom, min(left + spacing, width), args, marks);
+          found ? count_block(pictures, top, left, bottom, min(left + spacing, width), args, marks) : BlockCounts{};
   }
   unmark_moving(counts, spacing, marks);
   return 0;
