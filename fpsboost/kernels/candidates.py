@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, Float, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 from fpsboost.kernels.constants import SUMS_PER_CANDIDATE
 
 
@@ -97,6 +97,7 @@ def list_candidates(
     listed: Annotated[Array, "out int32 (rows, columns)"],
     motions: Annotated[Array, "out float32 (rows, columns, room, VALUES_PER_MOTION)"],
     weights: Annotated[Array, "out float32 (rows, columns, room)"],
+    scratch: Scratch = None,
 ) -> None:
     """Write the candidates of each node, as many as fit, in order of decreasing votes, followed by zero motion.
 

@@ -1,6 +1,7 @@
 // Candidate motions of the nodes: the motion of points is projected to time t and votes at the nodes where it lands.
 #include "candidates.h"
 #include "rounding.h"
+#include "scratch.h"
 
 namespace {
 
@@ -93,14 +94,14 @@ FORCE_INLINE void add_vote(const NodeVotes &node, const CollectedVotes &all, flo
       sure * (motion.acceleration_x * motion.acceleration_x + motion.acceleration_y * motion.acceleration_y);
 }
 
-// The candidate with the most votes of those that come after `last`, the first of several; -1 stands for the beginning.
-FORCE_INLINE Int next_by_votes(const float *votes, Int count, Int last) {
-  Int best = -1;
+// Writes the `most` candidates with the most votes in decreasing order, those with as many as they were found.
+FORCE_INLINE void order_by_votes(const float *votes, Int count, Int most, int32_t *order) {
   for (Int k = 0; k < count; k++) {
-    const bool waits = last < 0 || votes[k] < votes[last] || (votes[k] == votes[last] && k > last);
-    if (waits && (best < 0 || votes[k] > votes[best])) best = k;
+    Int place = min(k, most);
+    if (place == most && (most == 0 || !(votes[order[--place]] < votes[k]))) continue;
+    for (; place > 0 && votes[order[place - 1]] < votes[k]; place--) order[place] = order[place - 1];
+    order[place] = int32_t(k);
   }
-  return best < 0 ? 0 : best;  // votes that are not numbers have no order
 }
 
 // The mean acceleration of a candidate, as far as its votes agree on it.
@@ -159,13 +160,16 @@ KERNEL(void, collect_candidates, const CollectCandidates &args) {
   }
 }
 
-KERNEL(void, list_candidates, const ListCandidates &args) {
+KERNEL(Int, list_candidates, const ListCandidates &args) {
   const View<int32_t, 2> listed_of(args.listed);
   const View<float, 4> motions_of(args.motions);
   const View<float, 3> weights_of(args.weights);
   const Int rows = listed_of.shape[0], columns = listed_of.shape[1], room = weights_of.shape[2];
   const float prior = args.zero_motion_prior, tolerance = args.acceleration_tolerance;
   const float min_share = args.min_share, min_weight = args.min_weight;
+  Workspace workspace(args.scratch);
+  int32_t *order = workspace.take<int32_t>(room);
+  if (workspace.is_counting()) return workspace.size();
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
       const NodeVotes node(args.collected, row, column);
@@ -175,8 +179,9 @@ KERNEL(void, list_candidates, const ListCandidates &args) {
       for (Int k = 0; k < count; k++) all_votes += node.votes[k];
       all_votes += prior;
       for (Int place = 0; place < room; place++) weights[place] = 0;
-      for (Int place = 0, k = -1; place < listed; place++) {
-        k = next_by_votes(node.votes, count, k);
+      order_by_votes(node.votes, count, listed, order);
+      for (Int place = 0; place < listed; place++) {
+        const Int k = order[place];
         const VoteSums &sums = node.of(k);
         const float vote = node.votes[k];
         Motion &motion = motions[place];
@@ -200,4 +205,5 @@ KERNEL(void, list_candidates, const ListCandidates &args) {
       }
       for (Int place = 0; place <= listed; place++) weights[place] /= total;
     }
+  return 0;
 }
