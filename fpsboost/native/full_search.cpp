@@ -344,6 +344,7 @@ KERNEL(Int, search, const Search &args) {
   switch (args.weights.shape[0]) {
     case 5: return (is_box ? search_all<BoxScores<5>> : search_all<WindowScores<5>>)(args);
     case 7: return (is_box ? search_all<BoxScores<7>> : search_all<WindowScores<7>>)(args);
+    case 9: return (is_box ? search_all<BoxScores<9>> : search_all<WindowScores<0>>)(args);
     case 11: return (is_box ? search_all<BoxScores<11>> : search_all<WindowScores<11>>)(args);
     default: return (is_box ? search_all<BoxScores<0>> : search_all<WindowScores<0>>)(args);
   }
