@@ -194,7 +194,7 @@ class ImageView:
         nothing = np.empty((0, 1, 1), self.dtype)
         if self.dtype == np.float32:  # NaN and infinity would spread to their surroundings
             return normalised(self.array()).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16
-        planes = self.array().transpose(2, 0, 1).copy()
+        planes = np.array(cv2.split(self.array()))
         unit = 1 / self.white
         if has_alpha(self):
             planes = planes * unit

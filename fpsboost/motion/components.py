@@ -137,6 +137,9 @@ def padded_planes(components: Components, padding: int, scale: float, extra: int
     height, width = components.shape[:2]
     left = padding + extra
     planes = aligned_empty((3, height + 2 * padding, width + 2 * left + 2 * LANES), np.float32)
-    scaled = components.transpose(2, 0, 1) * np.float32(scale)
-    planes[:] = np.pad(scaled, ((0, 0), (padding, padding), (left, planes.shape[2] - left - width)), "edge")
+    right = planes.shape[2] - left - width
+    scaled = components * np.float32(scale)
+    # NumPy's pad takes longer than all else that is done with a thumbnail
+    wide = cv2.copyMakeBorder(scaled, padding, padding, left, right, cv2.BORDER_REPLICATE)
+    planes[:] = wide.transpose(2, 0, 1)
     return planes
