@@ -1,7 +1,7 @@
 """Does the confidence of a method know where the method errs, and by how much?
 
 ``python benchmarks/confidence.py CLIPS`` prints the mean error of pixels by their confidence; without clips, on the
-project's own scenes, of which ``--figure FILE`` draws a figure for the documentation.
+project's own scenes, of which ``--figure docs/figures/calibration.svg`` draws the figure of the documentation.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Frames are drawn here; `stages` resizes those of ``--clip`` instead, and `thread
 
 ``peers --clip CLIP --mvtools 'PYTHON SCRIPT' --mvutensils 'PYTHON SCRIPT'`` compares with MVTools, MVUtensils or both:
 SCRIPT takes a folder of PNG, its frame rate, an output folder and settings, and prints JSON with `cpu_per_interp_ms` as
-its last line.
+its last line. So does the command of ``--peer NAME='COMMAND {in} {out}'``, of any other tool.
 """
 
 from __future__ import annotations
@@ -184,14 +184,14 @@ def stages(console: Console, options: Namespace) -> Figures:
     """Measure each stage of a method: CPU time per in-between frame in the best round, and memory traffic."""
     fastest = copy_bandwidth()
     figures: Figures = {"copy_bytes_per_s": fastest}
-    interpolator = find_method(options.method)
+    interpolator = find_method(options.method[0])
     for size, (height, width) in SIZES.items():
         frames = sequence(options, height, width)
         profiles = [profile_sequence(interpolator, frames) for _ in range(options.rounds)]
         best = min(profiles, key=lambda profile: profile.stages[WHOLE].cpu)
         table = Table(
             *("stage", "calls", "CPU, ms", "share", "MB touched", "GB/s", "of a copy's"),
-            title=f"{options.method}, one in-between frame, {size}",
+            title=f"{options.method[0]}, one in-between frame, {size}",
         )
         figures[size] = {}
         for name, cost in best.stages.items():
@@ -235,14 +235,14 @@ def threads(console: Console, options: Namespace) -> Figures:
             draw_video(Path(clip), *SIZES["1920x1080"], max(40, 10 * counts[-1]))
         for _ in range(options.rounds):
             for count in counts:
-                runs[count] += convert_together(clip, scratch, options.method, workers=count, conversions=1)
+                runs[count] += convert_together(clip, scratch, options.method[0], workers=count, conversions=1)
                 if count > 1:
-                    each = convert_together(clip, scratch, options.method, workers=1, conversions=count)
+                    each = convert_together(clip, scratch, options.method[0], workers=1, conversions=count)
                     apart[count].append(sum(one["frames_per_s"] for one in each))
     table = Table(
         *("workers", "frames/s", "CPU, s", "peak, MB", "times faster", "apart, frames/s", "lost to sharing"),
         *("cores busy", "serial", f"times faster with {MANY_CORES}"),
-        title=f"{options.method}, a whole conversion",
+        title=f"{options.method[0]}, a whole conversion",
     )
     figures: Figures = {}
     for count in counts:
@@ -315,22 +315,32 @@ def minterpolate(clip: Path, folder: str, frames: int) -> Figures:
 
 
 def peers(console: Console, options: Namespace) -> Figures:
-    """Compare CPU time with MVTools and MVUtensils: the same frames, in memory, one thread, runs in turn."""
+    """Compare CPU time with other tools: the same frames, in memory, one thread, runs in turn."""
     others = [(options.mvtools, MVTOOLS_SETTINGS), (options.mvutensils, MVUTENSILS_SETTINGS)]
-    if not any(script for script, _ in others) or not options.clip:
-        raise OptionError("peers needs --clip CLIP and --mvtools 'PYTHON SCRIPT' or --mvutensils 'PYTHON SCRIPT'.")
+    if not options.clip or not (options.mvtools or options.mvutensils or options.peer):
+        raise OptionError(
+            "peers needs --clip CLIP and --mvtools 'PYTHON SCRIPT', --mvutensils 'PYTHON SCRIPT' or --peer."
+        )
     with tempfile.TemporaryDirectory() as scratch:
         source = Path(scratch, "in")
         source.mkdir()
         for number, frame in enumerate(read_frames(options.clip, 31)):
-            cv2.imwrite(str(source / f"{number:04d}.png"), frame)
+            resized = cv2.resize(frame, options.size, interpolation=cv2.INTER_CUBIC) if options.size else frame
+            cv2.imwrite(str(source / f"{number:04d}.png"), resized)
         own = [sys.executable, str(Path(__file__).with_name("sequence_cost.py")), str(source)]
-        arrays, video = f"{options.method}, BGR", f"{options.method}, 4:2:0 8 bit"
-        commands = {arrays: [*own, "--method", options.method], video: [*own, "--method", options.method, "--video"]}
+        commands: dict[str, list[str]] = {}
+        for method in options.method:
+            commands[f"{method}, BGR"] = [*own, "--method", method]
+            commands[f"{method}, 4:2:0 8 bit"] = [*own, "--method", method, "--video"]
+        arrays, video = list(commands)[:2]
+        out = str(Path(scratch, "out"))
         for script, by_name in others:
             if script:
-                call = [*shlex.split(script), str(source), "25", str(Path(scratch, "out")), "--no-write"]
+                call = [*shlex.split(script), str(source), "25", out, "--no-write"]
                 commands |= {name: [*call, *settings.split()] for name, settings in by_name.items()}
+        for name, _, command in (each.partition("=") for each in options.peer):
+            words = shlex.split(command)
+            commands[name] = [word.replace("{in}", str(source)).replace("{out}", out) for word in words]
         runs: dict[str, list[Figures]] = {name: [] for name in commands}
         for _ in range(options.rounds):
             for name, command in commands.items():
@@ -375,16 +385,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="*", choices=[*parts, []], default=[])
     parser.add_argument("--clip", help="frames for stages and peers, video for threads")
-    parser.add_argument("--method", default="nlm", help="for stages, threads and peers, such as nlm:fusion=plain")
+    parser.add_argument(
+        "--method", action="append", help="for stages, threads and peers, such as nlm:fusion=plain; peers takes several"
+    )
     parser.add_argument("--mvtools", metavar="'PYTHON SCRIPT'", help="for peers")
     parser.add_argument("--mvutensils", metavar="'PYTHON SCRIPT'", help="for peers")
+    parser.add_argument("--peer", action="append", default=[], metavar="NAME='COMMAND {in} {out}'", help="for peers")
+    parser.add_argument(
+        "--size", type=lambda text: tuple(map(int, text.split("x"))), help="of frames for peers: 1920x1080"
+    )
     parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for stages to peers")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    options.method = options.method or ["nlm"]
     console = wide_console()
     one_thread()
     on_linux = sys.platform == "linux"
-    possible = {"threads": on_linux, "conversions": on_linux, "peers": options.mvtools or options.mvutensils}
+    possible = {
+        "threads": on_linux,
+        "conversions": on_linux,
+        "peers": options.mvtools or options.mvutensils or options.peer,
+    }
     chosen = options.part or [name for name in parts if possible.get(name, True)]
     try:
         figures = {name: parts[name](console, options) for name in chosen}

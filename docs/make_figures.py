@@ -29,7 +29,7 @@ from PIL import Image
 from fpsboost import CutDetector, Interpolator, Mask, interpolate_clip, methods
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.colour import colour_components
-from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
+from fpsboost.evaluation.report.pictures import in_colour
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.constants import WINDOW
@@ -41,6 +41,7 @@ from fpsboost.render.folder import VectorFolder
 from fpsboost.repair import find_damaged
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.multi_hypothesis import BlendInput, Candidates, MultiHypothesis
+from fpsboost.timing.retime import parse_curve
 
 Picture = NDArray[Any]
 """(H, W) or (H, W, 3) uint8, BGR."""
@@ -50,6 +51,9 @@ SAMPLES, FIGURES = ROOT / "samples", ROOT / "docs" / "figures"
 
 GAP, LINE, TEXT = 12, 20, 12
 """Between panels, of a line of text, and its size, pixels."""
+
+SVG = {"svg.fonttype": "none", "svg.hashsalt": "fpsboost", "font.family": "sans-serif"}
+"""Settings of charts: text as text, and the same file every time."""
 
 
 class Panel(NamedTuple):
@@ -65,7 +69,7 @@ def main() -> None:
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
         draw_confidence, draw_cut, draw_repair, draw_arrays, draw_loop,
-        draw_turning, draw_mask,
+        draw_turning, draw_mask, draw_retime,
     ):  # fmt: skip
         path = draw()
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -271,7 +275,7 @@ def draw_cut() -> Path:
     """Draw the match score of all successive frames of the sample clip, as an SVG."""
     detector, images = CutDetector(), prepared(clip())
     match_score = [detector.match_score(first, second) for first, second in pairwise(images)]
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "fpsboost", "font.family": "sans-serif"}):
+    with rc_context(SVG):
         figure = Figure(figsize=(8, 2.6), layout="constrained")
         axes = figure.add_subplot()
         axes.plot(match_score, color="#2f6f9f", marker="o", markersize=3, linewidth=1)
@@ -283,9 +287,7 @@ def draw_cut() -> Path:
             axes.annotate("cut", (number, score), (8, 0), textcoords="offset points", va="center", color="#222222")
         axes.set(ylim=(0, 1), xlabel="pair of frames", ylabel="match score", xlim=(-1, len(match_score)))
         axes.spines[["top", "right"]].set_visible(False)
-        path = FIGURES / "cut.svg"
-        figure.savefig(path, metadata={"Date": None, "Creator": None})
-    return path
+        return save_chart("cut", figure)
 
 
 def draw_arrays() -> Path:
@@ -343,9 +345,6 @@ def draw_turning() -> Path:
     return save_animation("turning", frames, [31, 32, 31, 31] * len(before))  # 125 ms for each frame of the clip
 
 
-# ------------------------------------------------------------------------------------------------- similarity in numpy
-
-
 def draw_repair() -> Path:
     """Draw a frame with a dropout and a displaced field, what replaces it, and the frame as it was."""
     frames, number = clip()[22:29], 3
@@ -378,6 +377,33 @@ def draw_mask() -> Path:
         )
     panels = {"frame 2": frames[2], "halfway": without, "halfway, with a mask": kept, "frame 3": frames[3]}
     return save("mask", [[Panel(title, larger(picture[8:62, 8:184], 2)) for title, picture in panels.items()]])
+
+
+def draw_retime() -> Path:
+    """Draw the curve of docs/retime.md, through its points in lines and smoothly, as an SVG."""
+    text = (ROOT / "docs" / "retime.md").read_text(encoding="utf-8").split("```\n# output")[1].split("```")[0]
+    lines, smooth = (parse_curve(f"{word}# {text}", Fraction(24), Fraction(24)) for word in ("", "smooth "))
+    times = [Fraction(step, 20) for step in range(int(lines.length * 20))]
+    with rc_context(SVG):
+        figure = Figure(figsize=(8, 3.4), layout="constrained")
+        axes = figure.add_subplot()
+        for name, curve, colour, style in (("lines", lines, "#2f6f9f", "-"), ("smooth", smooth, "#b5532a", "--")):
+            axes.plot(np.float64(times), [float(curve.source(time)) for time in times], style, color=colour, label=name)
+        for segment, words in zip(lines.segments, re.findall(r"#\s+(.*)", text), strict=True):
+            ends = [(segment.begin, segment.source0), (segment.end, segment.source1)]
+            axes.plot(*np.float64(ends).T, "o", color="#2f6f9f", markersize=5)
+            middle = np.mean(np.float64(ends), axis=0)
+            falls = segment.source1 < segment.source0
+            where = {"textcoords": "offset points", "va": "top", "ha": "right" if falls else "left"}
+            axes.annotate(words, middle, (-6 if falls else 6, -4), color="#2f6f9f", **where)
+        axes.set(xlabel="output, seconds", ylabel="source, seconds", xlim=(0, float(lines.length)), ylim=(0, 4))
+        axes.legend(frameon=False, loc="lower right")
+        axes.grid(color="#eeeeee")
+        axes.spines[["top", "right"]].set_visible(False)
+        return save_chart("retime", figure)
+
+
+# ------------------------------------------------------------------------------------------------- similarity in numpy
 
 
 def exp_of(v: float) -> Any:
@@ -437,9 +463,11 @@ def mark_maximum(picture: Picture, values: Picture, scale: int) -> Picture:
 
 def add_wheel(picture: Picture, side: int = 48) -> None:
     """Draw the colour wheel, which is the legend of motion, into the lower right corner."""
-    wheel = draw_wheel(side)
-    corner, alpha = picture[-side - 6 : -6, -side - 6 : -6], wheel[..., 3:] / 255
-    corner[:] = np.rint(corner * (1 - alpha) + wheel[..., :3] * alpha)
+    radius = side / 2
+    y, x = (np.mgrid[:side, :side].astype(np.float32) + 0.5 - radius) / radius
+    inside = ((1 - np.hypot(x, y)) * radius + 0.5).clip(0, 1)[..., np.newaxis]  # a smooth rim
+    corner = picture[-side - 6 : -6, -side - 6 : -6]
+    corner[:] = np.rint(corner * (1 - inside) + in_colour(np.dstack([x, y]), 1) * inside)
 
 
 def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
@@ -469,6 +497,13 @@ def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
     path = FIGURES / f"{name}.webp"
     few = Image.fromarray(drawn).quantize(palette=palette, dither=Image.Dither.NONE)
     few.save(path, lossless=True, quality=100, method=6)
+    return path
+
+
+def save_chart(name: str, figure: Figure) -> Path:
+    """Save a chart as an SVG; return its path."""
+    path = FIGURES / f"{name}.svg"
+    figure.savefig(path, metadata={"Date": None, "Creator": None})
     return path
 
 

@@ -27,12 +27,14 @@ VIEW = {"width": 1280, "height": 800}
 
 COMMAND = [sys.executable, "-m", "fpsboost"]
 
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-headless-shell"))), None)
+
 
 def main() -> None:
     """Draw all pages, and print the size of each file."""
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
         clip = Path(shutil.copy(ROOT / "samples" / "orbit.mp4", folder))
-        browser = playwright.chromium.launch(args=["--no-sandbox"], executable_path=shutil.which("chromium"))
+        browser = playwright.chromium.launch(args=["--no-sandbox"], executable_path=CHROMIUM)
         page = browser.new_page(bypass_csp=True, viewport=VIEW, color_scheme="light", reduced_motion="reduce")
         page.set_default_timeout(240_000)
         draw_compare(page, clip)
