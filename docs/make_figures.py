@@ -200,11 +200,11 @@ def draw_choice() -> Path:
 
 def draw_residual_search() -> Path:
     """Draw the motion of a small fast ball, without and with the residual search."""
-    frames = clip()[63:65]
+    frames = clip()[53:55]
     with mock.patch.object(nlm, "MIN_SIMILARITY", ()):
         without = nlm.CoarseToFine().estimate(*prepared(frames))[0].flow
     found = nlm.CoarseToFine().estimate(*prepared(frames))[0].flow
-    part, edge = np.s_[190:350, 130:330], 30.0
+    part, edge = np.s_[147:307, 440:640], 30.0
     pictures = [each[part] for each in (*frames, in_colour(without, edge), in_colour(found, edge))]
     pictures[3] = np.ascontiguousarray(pictures[3])
     add_wheel(pictures[3])
