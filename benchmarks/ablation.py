@@ -129,15 +129,9 @@ def list_moving_candidates(*arguments: Any) -> None:
 class NextPairOnly(Interpolator):
     """An interpolator that curves its paths by the following pair of frames only."""
 
-    def images(
-        self,
-        pair: Pair,
-        times: Sequence[float | Fraction],
-        *,
-        with_confidence: bool = False,
-    ) -> Iterator[InterpolatedImage]:
+    def images(self, pair: Pair, times: Sequence[float | Fraction], **options: Any) -> Iterator[InterpolatedImage]:
         """See `fpsboost.interpolator.Interpolator.images`."""
-        return super().images(pair.between(None, pair.after), times, with_confidence=with_confidence)
+        return super().images(pair.between(None, pair.after), times, **options)
 
 
 MOTION: dict[str, dict[str, Any]] = {
