@@ -78,7 +78,7 @@ DECODERS = (
 )
 """FFmpeg's decoders of what people film and render."""
 
-known_digests = {"nlm": "cd504fd16aa52547", "nlm-fast": "9ccfa769503bbbe1"}
+known_digests = {"nlm": "a3feecd2f54655ad", "nlm-fast": "5d96389100c6f04f"}
 """First digits of the digests of `fpsboost.parts.manifest` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
 
 MAX_ERROR = 4.0

@@ -10,8 +10,9 @@
 
 namespace {
 
-constexpr float MIN_DETAIL = 0.3f;    // of a patch, below which sampling costs too little to matter
-constexpr float MAX_FRACTION = 0.5f;  // of a pixel, in which motion and the nearest offset differ along x and y
+constexpr float MIN_DETAIL = 0.3f;       // of a patch, below which sampling costs too little to matter
+constexpr float MAX_FRACTION = 0.5f;     // of a pixel, in which motion and the nearest offset differ along x and y
+constexpr float PERIOD_EVIDENCE = 0.2f;  // share of what one period is more similar than another that counts
 constexpr float FLAT = 64;  // squared levels, added to gradients so that those of flat patches can be inverted
 
 // The similarity of the patches around two places of the first frame, 0 to 1.
@@ -76,7 +77,8 @@ FORCE_INLINE void add_fractions(const Frames<uint8_t> &frames, Int place, float 
   }
 }
 
-// Gives those labels that lie a period of the pattern from the best one its similarity, so that neighbours decide.
+// Gives those labels that lie a period of the pattern from the best one nearly its similarity, so that neighbours
+// decide, and the little that is left only where they all agree on it.
 FORCE_INLINE void equalise_periods(const Frames<uint8_t> &frames, Int y, Int x, Int radius, float slack,
                                    const Labels &labels) {
   const Int best = labels.best(), room = frames.padding - radius;
@@ -85,8 +87,8 @@ FORCE_INLINE void equalise_periods(const Frames<uint8_t> &frames, Int y, Int x, 
     const Int dy = Int(labels.motion[k].dy - labels.motion[best].dy),
               dx = Int(labels.motion[k].dx - labels.motion[best].dx);
     if (min(y + dy, x + dx) < -room || y + dy >= frames.height + room || x + dx >= frames.width + room) continue;
-    if (self_similarity(frames, frames.place(y, x), frames.place(y + dy, x + dx), radius) >= 1 - slack)
-      labels.similarity[k] = labels.similarity[best];
+    if (self_similarity(frames, frames.place(y, x), frames.place(y + dy, x + dx), radius) >= 1 - 0.5f * slack)
+      labels.similarity[k] += (1 - PERIOD_EVIDENCE) * (labels.similarity[best] - labels.similarity[k]);
   }
 }
 

@@ -133,8 +133,8 @@ def compared_labels(
         changed[k] = 1 - (1 - changed[k]) * math.sqrt(unexplained(*places[k]))
     best = int(changed.argmax())
     for k in np.flatnonzero(changed >= changed[best] - slack / 2):
-        if likeness(*np.subtract(places[k], places[best])) >= 1 - slack:
-            changed[k] = changed[best]
+        if likeness(*np.subtract(places[k], places[best])) >= 1 - slack / 2:
+            changed[k] += 0.8 * (changed[best] - changed[k])
     return changed, detail
 
 

@@ -1,4 +1,4 @@
-"""Patterns that repeat, in front of ground that rests: vents, windows, cloth and bricks, with the truth drawn."""
+"""Patterns that repeat: vents, windows, cloth, bricks and bars, with the truth drawn."""
 
 import cv2
 import numpy as np
@@ -53,3 +53,25 @@ def test_patterns_that_repeat_keep_their_own_motion(kind, period, share):
         cv2.PSNR(fpsboost.interpolate(first, last, method=method), truth) for method in ("nlm", "dis", "blend")
     )
     assert made > max(by_dis, by_blend) - 1
+
+
+def worn_bars(period: float, left: float, grain: np.random.Generator) -> np.ndarray:
+    """Upright bars that fill the frame from so far to the left, in slowly varying light that moves with them."""
+    height, width = 144, 240
+    across = np.float32(np.arange(width) - left)
+    wear = cv2.GaussianBlur(np.random.default_rng(5).normal(0, 1, (height, 5 * width)).astype(np.float32), (0, 0), 6)
+    places = np.tile(5 * across / 2 + width, (height, 1))
+    light = cv2.remap(wear, places, np.mgrid[:height, :width][0].astype(np.float32), cv2.INTER_CUBIC)
+    bars = 128 + 70 * (3 * np.sin(2 * np.pi * across / period)).clip(-1, 1) + 6 * light / wear.std()
+    image = (bars + grain.normal(0, 1, bars.shape)).clip(0, 255).round().astype(np.uint8)
+    return np.repeat(image[..., np.newaxis], 3, axis=2)
+
+
+@pytest.mark.parametrize(("period", "motion"), [(6, 4.2), (6, 8.4), (7, 4.2)])
+def test_bars_that_fill_the_frame_are_told_apart_by_their_wear(period, motion):
+    """No neighbour has another motion, so that the little by which the true one is more similar decides."""
+    grain = np.random.default_rng(4)
+    first, truth, last = (worn_bars(period, t * motion, grain) for t in (0, 0.5, 1))
+    made = fpsboost.interpolate(first, last)
+    inside = slice(24, -24)
+    assert cv2.PSNR(made[inside, inside], truth[inside, inside]) > 30
