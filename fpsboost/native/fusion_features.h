@@ -101,12 +101,11 @@ inline void fetch_luma(int frame, Int top, Int left, const Motion &motion, float
                   BLOCKS_2X2_PER_ROW, out);
 }
 
-struct FieldValues {  // what a motion field says at a place of each 8x8 block
-  alignas(64) float similarity[BLOCKS_8X8], agreement[BLOCKS_8X8], consistency[BLOCKS_8X8], flatness[BLOCKS_8X8];
-};
-
-// Looks up the field at places in units of points, bilinearly, and how far its points agree with motions.
-inline void look_up(const View<const float, 3> &points, F16 x, F16 y, F16 dx, F16 dy, FieldValues &found) {
+// Looks up the field of frame n at a place of each 8x8 block in units of points, bilinearly, and how far its points
+// agree with motions; writes its features, and its flatness.
+inline void look_up(int n, const PairContext &context, F16 x, F16 y, F16 dx, F16 dy, Features &features,
+                    float *flatness) {
+  const View<const float, 3> points(context.points[n]);
   constexpr int CORNERS = 4, VALUES = 5;  // of a point: motion, similarity, consistency, flatness
   const int rows = int(points.shape[0]), columns = int(points.shape[1]);
   x = min(max(x - 0.5f, F16{}), broadcast<F16>(float(columns - 1)));
@@ -120,32 +119,29 @@ inline void look_up(const View<const float, 3> &points, F16 x, F16 y, F16 dx, F1
   store(places[1], first + across);
   store(places[2], first + down);
   store(places[3], first + down + across);
-  alignas(64) float shares[CORNERS][BLOCKS_8X8], motions[CORNERS][BLOCKS_8X8][2], sums[BLOCKS_8X8][CORNERS];
+  alignas(64) float shares[CORNERS][BLOCKS_8X8], motions[CORNERS][BLOCKS_8X8][2];
   store(shares[0], (1 - part_y) * (1 - part_x));
   store(shares[1], (1 - part_y) * part_x);
   store(shares[2], part_y * (1 - part_x));
   store(shares[3], part_y * part_x);
   for (int block = 0; block < BLOCKS_8X8; block++) {
     F4 sum{};
-    for (int n = 0; n < CORNERS; n++) {
-      const float *point = points.data + places[n][block];
-      __builtin_memcpy(motions[n][block], point, sizeof motions[n][block]);
-      sum += load<F4>(point + 1) * shares[n][block];  // all but dx
+    for (int corner = 0; corner < CORNERS; corner++) {
+      const float *point = points.data + places[corner][block];
+      __builtin_memcpy(motions[corner][block], point, sizeof motions[corner][block]);
+      sum += load<F4>(point + 1) * shares[corner][block];  // all but dx
     }
-    store(sums[block], sum);
+    features.blocks_8x8[SEARCH_SIMILARITY + n][block] = sum[1];
+    features.blocks_8x8[CONSISTENCY + n][block] = sum[2];
+    flatness[block] = sum[3];
   }
   F16 agreement{};
-  for (int n = 0; n < CORNERS; n++) {
-    const F16 lower = load<F16>(motions[n][0]), upper = load<F16>(motions[n][BLOCKS_8X8 / 2]);
+  for (int corner = 0; corner < CORNERS; corner++) {
+    const F16 lower = load<F16>(motions[corner][0]), upper = load<F16>(motions[corner][BLOCKS_8X8 / 2]);
     const F16 difference = max(absolute(even_lanes(lower, upper) - dx), absolute(odd_lanes(lower, upper) - dy));
-    agreement += load<F16>(shares[n]) / (1 + difference);
+    agreement += load<F16>(shares[corner]) / (1 + difference);
   }
-  store(found.agreement, agreement);
-  for (int block = 0; block < BLOCKS_8X8; block++) {
-    found.similarity[block] = sums[block][1];
-    found.consistency[block] = sums[block][2];
-    found.flatness[block] = sums[block][3];
-  }
+  store(features.blocks_8x8[AGREEMENT + n], agreement);
 }
 
 struct BlockCentres {  // of the 8x8 blocks, pixels from the first of the window
@@ -188,15 +184,10 @@ inline void extract_field_features(Int top, Int left, const Motion &motion, floa
   const F16 dy = motion.dy + from_x * motion.dy_along_x + from_y * motion.dy_along_y;
   const F16 x0 = float(left) + across - t * dx + curve * motion.acceleration_x;
   const F16 y0 = float(top) + down - t * dy + curve * motion.acceleration_y;
-  FieldValues found[2];
-  look_up(View<const float, 3>(context.points[0]), x0 * per_step, y0 * per_step, dx, dy, found[0]);
-  look_up(View<const float, 3>(context.points[1]), (x0 + dx) * per_step, (y0 + dy) * per_step, -dx, -dy, found[1]);
-  for (int n = 0; n < 2; n++) {
-    store(features.blocks_8x8[SEARCH_SIMILARITY + n], load<F16>(found[n].similarity));
-    store(features.blocks_8x8[AGREEMENT + n], load<F16>(found[n].agreement));
-    store(features.blocks_8x8[CONSISTENCY + n], load<F16>(found[n].consistency));
-  }
-  store(flatness, 0.5f * (load<F16>(found[0].flatness) + load<F16>(found[1].flatness)));
+  alignas(64) float flatness1[BLOCKS_8X8];
+  look_up(0, context, x0 * per_step, y0 * per_step, dx, dy, features, flatness);
+  look_up(1, context, (x0 + dx) * per_step, (y0 + dy) * per_step, -dx, -dy, features, flatness1);
+  store(flatness, 0.5f * (load<F16>(flatness) + load<F16>(flatness1)));
   write_distance(features, SEARCH_SIMILARITY);
   write_distance(features, AGREEMENT);
   write_distance(features, CONSISTENCY);

@@ -96,7 +96,7 @@ FORCE_INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &
                                     const uint8_t *second, const U16 (&counted)[2], Int lowest, PositionSums &total) {
   const Int radius = patch.radius;
   if (lowest > patch.size * patch.size * frames.max_similarity) return false;
-  const B32 max_similarity = join(patch.max_similarity, patch.max_similarity);
+  const B32 max_similarity = uint8_t(frames.max_similarity) - B32{};
   total.both = W32{};
   for (Int j = -radius; j <= radius; j++) {
     for (Int k = -radius; k <= radius; k++) {

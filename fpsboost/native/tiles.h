@@ -79,7 +79,8 @@ struct Tile {
   Int top, left, bottom, right, first_row, first_column, down, across;
 };
 
-// Whether offsets differ by a pixel or less along both axes from one of which each half is less by one.
+// Whether packed offsets differ by a pixel or less along both axes from another one, of which `one_less` has dx and dy
+// reduced by one.
 FORCE_INLINE I8 are_neighbours(I8 packed, U16 one_less) {
   const U16 apart = as<U16>(packed) - one_less, two = U16{} + uint16_t(2);
   return as<I8>(min(apart, two)) == as<I8>(apart);
