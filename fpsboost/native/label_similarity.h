@@ -78,17 +78,20 @@ FORCE_INLINE void add_fractions(const Frames<uint8_t> &frames, Int place, float 
 }
 
 // Gives those labels that lie a period of the pattern from the best one nearly its similarity, so that neighbours
-// decide, and the little that is left only where they all agree on it.
+// decide, and the little that is left only where they all agree on it. Nothing is left where a label leads out of the
+// frame: the pixels that are repeated there lower its similarity, whether it is right or not.
 FORCE_INLINE void equalise_periods(const Frames<uint8_t> &frames, Int y, Int x, Int radius, float slack,
                                    const Labels &labels) {
   const Int best = labels.best(), room = frames.padding - radius;
   for (Int k = 0; k < labels.count; k++) {
-    if (!labels.is_rival(k, best, 0.5f * slack)) continue;  // a quarter of a pixel is still unknown
-    const Int dy = Int(labels.motion[k].dy - labels.motion[best].dy),
-              dx = Int(labels.motion[k].dx - labels.motion[best].dx);
+    const Vector motion = labels.motion[k], nearest = labels.motion[best];
+    const bool stays = frames.holds_patch(y + Int(motion.dy), x + Int(motion.dx), radius);
+    if (k == best || (stays && !labels.is_rival(k, best, 0.5f * slack))) continue;  // a quarter of a pixel is unknown
+    Int dy = Int(motion.dy - nearest.dy), dx = Int(motion.dx - nearest.dx);
+    if (!stays && !frames.holds_patch(y + dy, x + dx, radius)) dy = -dy, dx = -dx;
     if (min(y + dy, x + dx) < -room || y + dy >= frames.height + room || x + dx >= frames.width + room) continue;
     if (self_similarity(frames, frames.place(y, x), frames.place(y + dy, x + dx), radius) >= 1 - 0.5f * slack)
-      labels.similarity[k] += (1 - PERIOD_EVIDENCE) * (labels.similarity[best] - labels.similarity[k]);
+      labels.similarity[k] += (stays ? 1 - PERIOD_EVIDENCE : 1.0f) * (labels.similarity[best] - labels.similarity[k]);
   }
 }
 

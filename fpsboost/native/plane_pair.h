@@ -17,6 +17,11 @@ template <typename T> struct Frames {
 
   Int place(Int y, Int x) const { return (y + padding) * stride + x + padding; }
 
+  // Whether the patch around a pixel, which may lie outside the frame, is inside.
+  bool holds_patch(Int y, Int x, Int radius) const {
+    return min(y, x) >= radius && y < height - radius && x < width - radius;
+  }
+
   // The pair from frame 1 to frame 0.
   Frames opposite() const {
     Frames other = *this;

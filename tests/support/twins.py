@@ -131,10 +131,19 @@ def compared_labels(
         return changed, detail
     for k in np.flatnonzero(rivals & (changed < 1)):
         changed[k] = 1 - (1 - changed[k]) * math.sqrt(unexplained(*places[k]))
+
+    def is_inside(dy: int, dx: int) -> bool:
+        sizes = zip(point, (dy, dx), image0.shape, strict=False)
+        return all(radius <= place + move < size - radius for place, move, size in sizes)
+
     best = int(changed.argmax())
-    for k in np.flatnonzero(changed >= changed[best] - slack / 2):
-        if likeness(*np.subtract(places[k], places[best])) >= 1 - slack / 2:
-            changed[k] += 0.8 * (changed[best] - changed[k])
+    for k, place in enumerate(places):
+        rest = 0.2 if is_inside(*place) else 0
+        if rest and changed[k] < changed[best] - slack / 2:
+            continue
+        apart = np.subtract(place, places[best])
+        if likeness(*(apart if rest or is_inside(*apart) else -apart)) >= 1 - slack / 2:
+            changed[k] = changed[best] + rest * (changed[k] - changed[best])
     return changed, detail
 
 

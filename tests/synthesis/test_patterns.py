@@ -69,9 +69,8 @@ def worn_bars(period: float, left: float, grain: np.random.Generator) -> np.ndar
 
 @pytest.mark.parametrize(("period", "motion"), [(6, 4.2), (6, 8.4), (7, 4.2)])
 def test_bars_that_fill_the_frame_are_told_apart_by_their_wear(period, motion):
-    """No neighbour has another motion, so that the little by which the true one is more similar decides."""
+    """The little by which the true motion is more similar decides, also where it leads out of the frame."""
     grain = np.random.default_rng(4)
     first, truth, last = (worn_bars(period, t * motion, grain) for t in (0, 0.5, 1))
     made = fpsboost.interpolate(first, last)
-    inside = slice(24, -24)
-    assert cv2.PSNR(made[inside, inside], truth[inside, inside]) > 30
+    assert cv2.PSNR(made, truth) > 30
