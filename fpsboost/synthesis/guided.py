@@ -35,9 +35,6 @@ from fpsboost.synthesis.guide_colours import Colours
 from fpsboost.synthesis.guide_layers import Candidate, Fused, mixed_layers, sampled
 from fpsboost.synthesis.guide_residual import EXACT, exact_difference, excess_difference, usual_power
 
-SHARPNESS = 3
-"""Power of the ratio of two errors by which their weights differ."""
-
 FLOOR = 1.5
 """Difference that means nothing, levels."""
 
