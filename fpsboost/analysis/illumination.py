@@ -223,8 +223,8 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.nd
     reach = side / SMALL_COPY_SIDE
     brightness0, brightness1 = (image.derived(_brightness, side, reach) for image in (image0, image1))
     is_changed = np.abs(np.log(brightness1 / brightness0)) > LOCAL_MIN_CHANGE
-    without_light = [image.derived(_components_without_light, side) for image in (image0, image1)]
-    at_rest = search_fused(*without_light, 0, 2, "box", 0.09)[1].similarity
+    even0, even1 = (image.derived(_components_without_light, side) for image in (image0, image1))
+    at_rest = search_fused(even0, even1, 0, 2, "box", 0.09)[1].similarity
     if not (is_changed & (at_rest > LOCAL_MIN_AT_REST)).any():
         return None
     small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
@@ -237,7 +237,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.nd
         change = _smoothed(np.maximum.reduce(cv2.split(np.abs(np.log(gain)))), reach)
         return np.asarray((gained > share * least) & (change > LOCAL_MIN_CHANGE) & is_changed)
 
-    fields = _search_near(*without_light)
+    fields = _search_near(even0, even1)
     gain = _fit_locally(small0, small1, fields)
     if not explains(gain, fields[1].similarity, LOCAL_PROMISING_SHARE).any():
         return None
@@ -296,7 +296,7 @@ def _smoothed(values: np.ndarray, deviation: float) -> np.ndarray:
 def _ends(field: MotionField) -> tuple[np.ndarray, np.ndarray]:
     """Return the row and the column at the end of each whole-pixel vector, which the search keeps inside."""
     moved = field.flow.astype(int)
-    rows, columns = np.indices(moved.shape[:2], sparse=True)
+    rows, columns = np.indices(field.similarity.shape)
     return rows + moved[..., 1], columns + moved[..., 0]
 
 
