@@ -40,7 +40,10 @@ def with_red_and_blue_swapped(image: np.ndarray) -> np.ndarray:
 
 
 def normalised(image: np.ndarray) -> np.ndarray:
-    """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white."""
+    """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white.
+
+    A float32 image without these is returned itself, not a copy.
+    """
     if image.dtype == np.float32:
         # to look costs a tenth of what it takes to replace
         return image if np.isfinite(image).all() else np.asarray(np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0))

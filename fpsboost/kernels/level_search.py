@@ -124,7 +124,8 @@ def compare_labels(pair: PlanePair, step: int, patch_radius: int, lists: OffsetL
     it happens to lie on whole pixels. At points with a detail of 0.3 and more, all offsets that half a pixel along both
     axes may make the most similar one are compared at their best fraction of a pixel, by a least-squares step. Those
     that then differ by no more than a quarter of a pixel may explain, and by a period of the pattern in the frame
-    itself, get the same similarity, so that their neighbours decide.
+    itself, get nearly the same similarity, so that their neighbours decide. Those that lead the patch out of the frame
+    by a period get the same one, however much they differ.
     """
 
 

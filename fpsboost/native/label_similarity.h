@@ -84,10 +84,11 @@ FORCE_INLINE void equalise_periods(const Frames<uint8_t> &frames, Int y, Int x, 
                                    const Labels &labels) {
   const Int best = labels.best(), room = frames.padding - radius;
   for (Int k = 0; k < labels.count; k++) {
-    const Vector motion = labels.motion[k], nearest = labels.motion[best];
+    const Vector motion = labels.motion[k], best_motion = labels.motion[best];
     const bool stays = frames.holds_patch(y + Int(motion.dy), x + Int(motion.dx), radius);
     if (k == best || (stays && !labels.is_rival(k, best, 0.5f * slack))) continue;  // a quarter of a pixel is unknown
-    Int dy = Int(motion.dy - nearest.dy), dx = Int(motion.dx - nearest.dx);
+    Int dy = Int(motion.dy - best_motion.dy), dx = Int(motion.dx - best_motion.dx);
+    // the frame ends on the side where the label leads; a pattern repeats to the other side, too
     if (!stays && !frames.holds_patch(y + dy, x + dx, radius)) dy = -dy, dx = -dx;
     if (min(y + dy, x + dx) < -room || y + dy >= frames.height + room || x + dx >= frames.width + room) continue;
     if (self_similarity(frames, frames.place(y, x), frames.place(y + dy, x + dx), radius) >= 1 - 0.5f * slack)
