@@ -101,7 +101,8 @@ class StagingDirectory:
         Raises `InUseError` if another run writes there, and `OutputError` if the folder cannot be used, or belongs to a
         job with other inputs or options.
         """
-        with undone_by(lambda: self.close(keep=self.is_pending)):
+        begun = False  # whether what is in the folder is of this run
+        with undone_by(lambda: self.close(keep=self.is_pending and not begun)):
             self._acquire()
             before = self._read_manifest() if self.is_pending else None
             if self.goes_on and before is not None and self._job is not None:
@@ -110,6 +111,7 @@ class StagingDirectory:
                 return
             if before is not None:
                 self.remarks.add("begun-anew", name=self.name)
+            begun = True
             self._empty()
             if self._job is not None:
                 write_safely(self.folder / MANIFEST, json.dumps(dict(self._job.facts), indent=1).encode())
@@ -228,9 +230,11 @@ class StagingDirectory:
 
     def _check_same(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
         """Raise `OutputError`, which names the first difference, unless both jobs are the same."""
-        for key in (key for key in [*now, *before] if now.get(key) != before.get(key)):
+        for key in [*now, *before]:
             old = before.get(key, "nothing")
             new = now.get(key, "nothing")
+            if old == new:
+                continue
             what = key.rpartition(".")[2].replace("_", " ")
             wording = f"{old} and not {new}"
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
