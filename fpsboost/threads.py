@@ -70,8 +70,8 @@ def _in_thread(
         cancel()
 
     thread = Thread(target=run, name=name, daemon=True)  # else the interpreter would wait for it before all else
-    _running[thread] = give_up
     try:
+        _running[thread] = give_up
         thread.start()
         yield thread
     except BaseException:
