@@ -137,7 +137,7 @@ class ImageView:
 
     def float_luma(self) -> Plane:
         """Return luma on the 8-bit scale, (H, W) float32, neither rounded nor clipped."""
-        return np.asarray(self._float_gray() * np.float32(255))
+        return self._float_gray() * np.float32(255)
 
     def chroma(self) -> list[Plane]:
         """Return both colour differences, uint8 or float32 on the 8-bit scale, up to a constant; none of gray images.

@@ -278,7 +278,7 @@ def _components_without_light(image: FrameCache, side: int) -> Components:
 def _without_light(image: FrameCache, side: int) -> Image:
     """Return a small copy in which all surroundings of a pixel are equally bright."""
     brightness = image.derived(_brightness, side, side / 60)
-    return np.asarray(image.cached(small_copy, side) * (np.float32(0.5) / brightness)[..., np.newaxis])
+    return image.cached(small_copy, side) * (np.float32(0.5) / brightness)[..., np.newaxis]
 
 
 def _brightness(image: FrameCache, side: int, deviation: float) -> np.ndarray:
@@ -319,7 +319,7 @@ def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, Motion
     weight = (field10.similarity.clip(0, 1) * np.where(returns, np.float32(1), np.float32(0.05)))[..., np.newaxis]
     deviation = max(small0.shape[:2]) / 80
     products, squares = (_smoothed(weight * matched * other, deviation) for other in (small1, matched))
-    return np.asarray(((products + 1e-3) / (squares + 1e-3)).clip(1 / MAX_GAIN, MAX_GAIN).astype(np.float32))
+    return ((products + 1e-3) / (squares + 1e-3)).clip(1 / MAX_GAIN, MAX_GAIN).astype(np.float32)
 
 
 def _search(small0: Image, small1: Image) -> MotionField:

@@ -232,7 +232,7 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
         ends = elsewhere + _as_steps(across[elsewhere], width)
         apart = np.square(_sample_patches(thumbnail, ends) - _sample_patches(thumbnail, elsewhere)).sum(axis=3)
         looks_the_same.ravel()[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
-    return np.asarray(there.similarity * looks_the_same)
+    return there.similarity * looks_the_same
 
 
 def _as_steps(vectors: np.ndarray, width: int) -> NDArray[np.intp]:

@@ -117,7 +117,7 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
     number = frame_number(here.output_position)
     frames = frame_number(there.output_position) - number
     rendered = vectors.for_image(number, here.array)
-    return np.asarray((rendered.forward if frames > 0 else rendered.backward) * np.float32(abs(frames)))
+    return (rendered.forward if frames > 0 else rendered.backward) * np.float32(abs(frames))
 
 
 def _leads_back(flow: np.ndarray, back: np.ndarray) -> np.ndarray:

@@ -127,7 +127,7 @@ def resample_points(values: np.ndarray, size: tuple[int, ...], spacing: int, ste
     if step == spacing:
         return values
     y, x = (places // spacing for places in point_places(size, step))
-    return np.asarray(values.take(y, axis=0).take(x, axis=1))
+    return values.take(y, axis=0).take(x, axis=1)
 
 
 def spread_points(values: np.ndarray, size: tuple[int, ...], spacing: int) -> np.ndarray:

@@ -121,7 +121,7 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
 def _comparable(image: Image) -> np.ndarray:
     """Return the colours of an image in units of their mean, (H, W, C) float32."""
     colours = normalised(image)
-    return np.asarray((colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR))
+    return (colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR)
 
 
 def _fetch_error(here: np.ndarray, there: np.ndarray, motion: np.ndarray) -> float:

@@ -53,7 +53,7 @@ def isotonic_regression(values: Tiles, weights: Tiles) -> Tiles:
     sums, totals = (np.concatenate([[0], np.cumsum(each)]) for each in (values * weights, weights))
     means = (sums[1:] - sums[:-1, None]) / np.maximum(totals[1:] - totals[:-1, None], 1)  # from a row to a column
     least = np.minimum.accumulate(means[:, ::-1], axis=1)[:, ::-1]
-    return np.asarray(np.maximum.accumulate(least, axis=0).diagonal())
+    return np.maximum.accumulate(least, axis=0).diagonal()
 
 
 @dataclass(frozen=True)

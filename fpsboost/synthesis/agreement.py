@@ -88,7 +88,7 @@ def measure_agreement_along(
     weights = np.array(PATCH, np.float32) / np.float32(sum(PATCH))
     similarity = cv2.sepFilter2D(np.exp(squares), cv2.CV_32F, weights, weights, borderType=cv2.BORDER_REPLICATE)
     upsampled = cv2.resize(similarity, even.shape[::-1], interpolation=cv2.INTER_LINEAR)[:height, :width]
-    return np.asarray(upsampled.clip(0, 1) ** 8)
+    return upsampled.clip(0, 1) ** 8
 
 
 def sample(values: np.ndarray, motion: np.ndarray, interpolation: int) -> np.ndarray:

@@ -52,7 +52,7 @@ class Exposure:
     def image(self) -> Image:
         """Return the mean of the images added so far, at least one, in their shape and type."""
         if self._dtype == np.float32:
-            return np.asarray(self._light / np.float32(self.count))
+            return self._light / np.float32(self.count)
         top = np.iinfo(self._dtype).max
         levels = np.rint(srgb_encoded(self._light / self._weight) * top)
         if self._weight.ndim == 3:

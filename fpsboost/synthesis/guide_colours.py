@@ -61,13 +61,13 @@ class Colours:
     def light(self, levels: np.ndarray) -> np.ndarray:
         """Return the light of `levels`, nearly: that of scene-linear colours, or that of the usual gamma."""
         if self.exposure is None:
-            return np.asarray(cv2.pow(levels.clip(0, WHITE) / WHITE, GAMMA).reshape(levels.shape) * WHITE)
+            return cv2.pow(levels.clip(0, WHITE) / WHITE, GAMMA).reshape(levels.shape) * WHITE
         return np.asarray(np.expm1(levels * (np.log1p(STEEPNESS) / WHITE)) / STEEPNESS)
 
     def of_light(self, light: np.ndarray) -> np.ndarray:
         """Return the levels of light; the inverse of `light`."""
         if self.exposure is None:
-            return np.asarray(cv2.pow(light / WHITE, 1 / GAMMA) * WHITE)
+            return cv2.pow(light / WHITE, 1 / GAMMA) * WHITE
         logarithm = cv2.log(1 + STEEPNESS * light.clip(0)).reshape(light.shape)
         return np.asarray(logarithm * (WHITE / np.log1p(STEEPNESS)))
 

@@ -291,7 +291,7 @@ class GuidedFrame:
         truth, picture = (
             self.pair.colours.levels(each) for each in (self.pair.keys[key], sampled(self.pair.keys[1 - key], motion))
         )
-        return np.asarray(cv2.blur(resized(squared(picture - truth), self.rendition.size, cv2.INTER_AREA), (5, 5)))
+        return cv2.blur(resized(squared(picture - truth), self.rendition.size, cv2.INTER_AREA), (5, 5))
 
     def _mean(self, candidates: list[Candidate], pictures: Sequence[np.ndarray]) -> Fused:
         """Return the mean of candidates, weighted by the errors that are expected of them.

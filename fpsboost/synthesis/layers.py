@@ -108,7 +108,7 @@ class Sources(NamedTuple):
             apart = np.abs(value1 - value0)
             is_one = self.have_both & (apart <= ONE_SURFACE * np.minimum(np.abs(value0), np.abs(value1)))
             between = value0 + np.float32(self.t) * (value1 - value0)
-        return np.asarray(np.where(is_one, between, self.nearest(plane0, plane1)))
+        return np.where(is_one, between, self.nearest(plane0, plane1))
 
 
 def mix_layers(
