@@ -30,7 +30,7 @@ from fpsboost.image import Pixels, view
 from fpsboost.image_checks import check_pair
 from fpsboost.kernels.constants import MAX_TILE_PATCH_RADIUS
 from fpsboost.kernels.level_search import PADDING, CoarseMotion, LevelSettings, Points, search_level
-from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation
+from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, smooth, truncation
 from fpsboost.kernels.refine import refine_bidirectional
 from fpsboost.kernels.residual_regions import match_residual_regions
 from fpsboost.kernels.residual_search import relax_smoothness, search_residuals_bidirectional
@@ -293,7 +293,8 @@ def halved(image: Pixels) -> Pixels:
     def half(pixels: np.ndarray) -> np.ndarray:
         if pixels.shape[:2] == (height, width):
             return pixels
-        smooth = cv2.GaussianBlur(pixels, (5, 5), 0, borderType=cv2.BORDER_REPLICATE)  # 1, 4, 6, 4, 1
-        return cv2.resize(smooth, (width, height), interpolation=cv2.INTER_AREA)
+        smoothed = np.empty_like(pixels)
+        smooth(np.atleast_3d(np.ascontiguousarray(pixels)), np.atleast_3d(smoothed))
+        return cv2.resize(smoothed, (width, height), interpolation=cv2.INTER_AREA)
 
     return view(image).map(half)

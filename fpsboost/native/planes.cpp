@@ -204,6 +204,33 @@ template <typename T> void shrink_rows(const Shrink &args, float *__restrict lin
   }
 }
 
+// Filters an image by 1, 4, 6, 4, 1 along both axes; `Sum` is a type that holds the sums.
+template <typename T, typename Sum> void smooth_rows(const Smooth &args, Workspace &workspace) {
+  const View<const T, 3> image(args.image);
+  const View<T, 3> smoothed(args.smoothed);
+  const Int height = image.shape[0], step = image.shape[2], values = image.shape[1] * step;
+  Sum *__restrict line = workspace.take<Sum>(values + 4 * step) + 2 * step;  // filtered along y, with edges repeated
+  if (workspace.is_counting()) return;
+  auto filtered = [](Sum a, Sum b, Sum c, Sum d, Sum e) INLINE_LAMBDA {
+    const Sum outer = Sum(a + e), inner = Sum(b + d);
+    return Sum(Sum(outer + Sum(4) * inner) + Sum(6) * c);
+  };
+  for (Int y = 0; y < height; y++) {
+    const T *rows[5];
+    for (Int n = 0; n < 5; n++) rows[n] = image.ptr(clamp(y + n - 2, Int(0), height - 1));
+    for (Int x = 0; x < values; x++) line[x] = filtered(rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]);
+    for (Int x = -1; x >= -2 * step; x--) line[x] = line[x + step];
+    for (Int x = values; x < values + 2 * step; x++) line[x] = line[x - step];
+    const Sum *__restrict from = line;
+    T *__restrict target = smoothed.ptr(y);
+    for (Int x = 0; x < values; x++) {
+      const Sum sum = filtered(from[x - 2 * step], from[x - step], from[x], from[x + step], from[x + 2 * step]);
+      if constexpr (Sum(0.5f) > 0) target[x] = sum / 256;
+      else target[x] = T(Sum(sum + 128) >> 8);
+    }
+  }
+}
+
 }  // namespace
 
 KERNEL(Int, split_colours, const SplitColours &args) {
@@ -228,4 +255,14 @@ KERNEL(Int, shrink, const Shrink &args) {
   if (workspace.is_counting()) return workspace.size();
   with_pixel_type(args.rows.kind, [&](auto pixel) { shrink_rows<decltype(pixel)>(args, line); });
   return 0;
+}
+
+KERNEL(Int, smooth, const Smooth &args) {
+  Workspace workspace(args.scratch);
+  switch (args.image.kind) {
+    case UINT8: smooth_rows<uint8_t, uint16_t>(args, workspace); break;
+    case UINT16: smooth_rows<uint16_t, uint32_t>(args, workspace); break;
+    default: smooth_rows<float, float>(args, workspace);
+  }
+  return workspace.size();
 }

@@ -78,6 +78,7 @@ def record() -> None:
         "block",
         "guided",
         "level_search",
+        "planes",
         "residual_regions",
         "residual_search",
         "search",

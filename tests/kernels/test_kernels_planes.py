@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpsboost.kernels.constants import HIGH_PASS_SIZE, WHITE
-from fpsboost.kernels.planes import CodeLevels, level_scale, shrink, split_colours, split_planes, truncation
+from fpsboost.kernels.planes import CodeLevels, level_scale, shrink, smooth, split_colours, split_planes, truncation
 from fpsboost.motion.components import contrast_components, contrast_planes
 from support.truth import noise
 from support.twins import split_codes, split_levels
@@ -116,3 +116,16 @@ def test_a_small_copy_has_the_means_of_its_areas(dtype, size, small, channels):
     down, across = (covered(length, places) for length, places in zip(size, small, strict=True))
     expected = np.einsum("vy,ux,yxc->vuc", down, across, image.astype(float)) / (size[0] * size[1] / np.prod(small))
     np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (4, 130), (37, 6)])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_a_smoothed_image_is_what_opencv_makes_of_it(dtype, size, channels):
+    """To the bit where codes are whole numbers; also of extremes beside each other."""
+    white = 1 if dtype == np.float32 else np.iinfo(dtype).max
+    image = np.where(noise(*size, 1, np.uint8) < 64, white, noise(*size, channels, dtype)).astype(dtype)
+    found = np.empty_like(image)
+    smooth(image, found)
+    expected = cv2.GaussianBlur(image, (5, 5), 0, borderType=cv2.BORDER_REPLICATE).reshape(image.shape)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 if dtype == np.float32 else 0)
