@@ -26,6 +26,10 @@ from fpsboost.motion.full_search import search_fused
 SMALL_COPY_SIDE = 40
 """Longer side of the small copies that are compared, pixels."""
 
+PATCH_RADIUS = 2  # pixels of these copies
+BANDWIDTH = 0.09
+"""Bandwidth of their similarity, that of the method."""
+
 MIN_CHANGE = 0.01
 """Mean change of colour below which the illumination counts as constant; 1 is white."""
 
@@ -224,7 +228,8 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.nd
     brightness0, brightness1 = (image.derived(_brightness, side, reach) for image in (image0, image1))
     is_changed = np.abs(np.log(brightness1 / brightness0)) > LOCAL_MIN_CHANGE
     even0, even1 = (image.derived(_components_without_light, side) for image in (image0, image1))
-    at_rest = search_fused(even0, even1, 0, 2, "box", 0.09)[1].similarity
+    similarity = cv2.exp(np.square(even1 - even0).sum(axis=2) * np.float32(-0.5 / BANDWIDTH**2))
+    at_rest = cv2.blur(similarity, (2 * PATCH_RADIUS + 1,) * 2)
     if not (is_changed & (at_rest > LOCAL_MIN_AT_REST)).any():
         return None
     small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
@@ -234,7 +239,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.nd
 
     def explains(gain: np.ndarray, similarity: np.ndarray, share: float = 1) -> np.ndarray:
         gained = _smoothed(similarity, reach) - before
-        change = _smoothed(np.maximum.reduce(cv2.split(np.abs(np.log(gain)))), reach)
+        change = _smoothed(np.abs(np.log(gain)).max(axis=2), reach)
         return np.asarray((gained > share * least) & (change > LOCAL_MIN_CHANGE) & is_changed)
 
     fields = _search_near(even0, even1)
@@ -268,7 +273,7 @@ def _search_near(components0: Components, components1: Components) -> tuple[Moti
     side = max(components0.shape[:2])
     radius = math.ceil(LOCAL_SEARCH_RANGE * side)
     penalty = LOCAL_MOTION_PENALTY / side
-    return search_fused(components0, components1, radius, 2, "box", 0.09, penalty)
+    return search_fused(components0, components1, radius, PATCH_RADIUS, "box", BANDWIDTH, penalty)
 
 
 def _components_without_light(image: FrameCache, side: int) -> Components:
@@ -302,8 +307,8 @@ def _ends(field: MotionField) -> tuple[np.ndarray, np.ndarray]:
 
 def _returns(there: MotionField, back: MotionField) -> np.ndarray:
     """Return whether the way there and back ends where it began, within a tolerance, (h, w) bool."""
-    x, y = cv2.split(there.flow + back.flow[_ends(there)])
-    return np.asarray(x**2 + y**2 < LOCAL_CONSISTENCY_TOLERANCE**2)
+    errors = np.square(there.flow + back.flow[_ends(there)]).sum(axis=2)
+    return np.asarray(errors < LOCAL_CONSISTENCY_TOLERANCE**2)
 
 
 def _confirmed(field01: MotionField, field10: MotionField) -> np.ndarray:
@@ -325,7 +330,7 @@ def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, Motion
 def _search(small0: Image, small1: Image) -> MotionField:
     """Search small copies for motion from frame 0 to frame 1."""
     components = contrast_components(small0), contrast_components(small1)
-    field01, _ = search_fused(*components, math.ceil(SMALL_COPY_SIDE / 6), 2, "box", 0.09)
+    field01, _ = search_fused(*components, math.ceil(SMALL_COPY_SIDE / 6), PATCH_RADIUS, "box", BANDWIDTH)
     return field01
 
 

@@ -230,8 +230,9 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
     elsewhere = np.flatnonzero(across[:, 0] ** 2 + across[:, 1] ** 2 >= CONSISTENCY_TOLERANCE**2)
     if elsewhere.size:
         ends = elsewhere + _as_steps(across[elsewhere], width)
-        apart = np.square(_sample_patches(thumbnail, ends) - _sample_patches(thumbnail, elsewhere)).sum(axis=3)
-        looks_the_same.ravel()[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
+        patches = _sample_patches(thumbnail)
+        apart = np.square(patches.take(ends, axis=0) - patches.take(elsewhere, axis=0)).sum(axis=2)
+        looks_the_same.ravel()[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=1)
     return there.similarity * looks_the_same
 
 
@@ -240,13 +241,12 @@ def _as_steps(vectors: np.ndarray, width: int) -> NDArray[np.intp]:
     return np.asarray((vectors[:, 1] * np.float32(width) + vectors[:, 0]).astype(np.intp))
 
 
-def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> np.ndarray:
-    """Return (N, 3, 3, 3) components of patches: their centres, corners and edges suffice to tell them apart."""
+def _sample_patches(thumbnail: Components) -> np.ndarray:
+    """Return (h * w, 9, 3) components of all patches: their centres, corners and edges suffice to tell them apart."""
     height, width = thumbnail.shape[:2]
-    y, x = np.divmod(places, width)
-    steps = np.arange(-PATCH_RADIUS, PATCH_RADIUS + 1, PATCH_RADIUS)
-    rows, columns = ((each[:, np.newaxis] + steps).clip(0, length - 1) for each, length in ((y, height), (x, width)))
-    return np.asarray(thumbnail[rows[:, :, np.newaxis], columns[:, np.newaxis]])
+    padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
+    starts = range(0, 2 * PATCH_RADIUS + 1, PATCH_RADIUS)
+    return np.stack([padded[y : y + height, x : x + width] for y in starts for x in starts], axis=2).reshape(-1, 9, 3)
 
 
 SECONDS_COLUMN = "Start Time (seconds)"

@@ -78,9 +78,8 @@ class MotionField:
                 f"`vectors` for {width}x{height} pixels with a `spacing` of {self.spacing} have the shape "
                 f"{(*points, 2)} and `similarities` {points}, not {vectors.shape} and {similarities.shape}."
             )
-        similarities = np.broadcast_to(similarities, points)
         object.__setattr__(self, "vectors", vectors)
-        object.__setattr__(self, "similarities", np.ascontiguousarray(similarities, np.float32))
+        object.__setattr__(self, "similarities", np.full(points, similarities, np.float32))
 
     @property
     def shape(self) -> tuple[int, int]:

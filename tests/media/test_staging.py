@@ -60,8 +60,9 @@ class InterruptedAt:
 def test_nothing_stays_of_a_folder_whose_opening_is_interrupted(tmp_path, resume):
     """At whichever line of the package Ctrl-C comes, the folder is gone, and can be taken again."""
     tracing = sys.gettrace()
+    job = JobFingerprint({"crf": "18"}, resume)
     for line in count(1):
-        staging = StagingDirectory(tmp_path / ".made.unfinished", "output", "made", JobFingerprint({"crf": "18"}, resume))
+        staging = StagingDirectory(tmp_path / ".made.unfinished", "output", "made", job)
         sys.settrace(InterruptedAt(line))
         try:
             staging.open()
