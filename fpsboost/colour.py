@@ -62,7 +62,7 @@ def premultiplied(image: np.ndarray) -> np.ndarray:
     """Return (H, W, C) float32 with the image's own white, with straight alpha premultiplied."""
     if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
         return normalised(image)
-    values: np.ndarray = image.astype(np.float32)
+    values = image.astype(np.float32)
     if has_alpha(image):
         values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
     return values
@@ -86,13 +86,13 @@ def colour_components(image: np.ndarray) -> np.ndarray:
     """
     values = compress_highlights(image)
     if has_alpha(image):
-        values = values[..., :-1] * values[..., -1:]
+        values = np.einsum("yxc,yx->yxc", values[..., :-1], values[..., -1])
     return np.dstack([values, np.zeros_like(values), np.zeros_like(values)]) if values.shape[2] == 1 else values
 
 
 def clipped(values: np.ndarray) -> np.ndarray:
     """Return the values clipped to MAX_VALUE: damaged files hold float32's largest numbers, whose sums overflow."""
-    return values if np.abs(values).max(initial=0) <= MAX_VALUE else values.clip(-MAX_VALUE, MAX_VALUE)
+    return values if cv2.norm(values, cv2.NORM_INF) <= MAX_VALUE else values.clip(-MAX_VALUE, MAX_VALUE)
 
 
 def compared_colours(image: np.ndarray) -> np.ndarray:

@@ -14,7 +14,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.colour import MAX_VALUE, Coding, clipped, colour_components, has_alpha, normalised, premultiplied
+from fpsboost.colour import (
+    MAX_VALUE,
+    Coding,
+    clipped,
+    colour_components,
+    compress_highlights,
+    has_alpha,
+    normalised,
+    premultiplied,
+)
 from fpsboost.errors import InputError
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
@@ -133,11 +142,16 @@ class ImageView:
         """Return luma, (H, W) uint8."""
         if self.dtype == np.uint8 and self.shape[2] == 3:
             return cv2.cvtColor(self.array(), cv2.COLOR_BGR2GRAY)
-        return np.clip(self._float_gray() * 255 + 0.5, 0, 255).astype(np.uint8)
+        return cv2.convertScaleAbs(self.float_luma().clip(0))  # which would take the absolute value
 
     def float_luma(self) -> Plane:
-        """Return luma on the 8-bit scale, (H, W) float32, neither rounded nor clipped."""
-        return self._float_gray() * np.float32(255)
+        """Return luma on the 8-bit scale, (H, W) float32, not clipped."""
+        colours = compress_highlights(self.array()) if self.dtype == np.float32 else self.array()
+        luma: Plane = colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
+        luma = luma * (255 / self.white)
+        if has_alpha(self):
+            luma *= colours[..., -1] / self.white
+        return luma
 
     def chroma(self) -> list[Plane]:
         """Return both colour differences, uint8 or float32 on the 8-bit scale, up to a constant; none of gray images.
@@ -192,20 +206,17 @@ class ImageView:
             Bits per sample.
         """
         nothing = np.empty((0, 1, 1), self.dtype)
-        if self.dtype == np.float32:  # NaN and infinity would spread to their surroundings
-            return normalised(self.array()).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16
+        pixels = normalised(self.array()) if self.dtype == np.float32 else self.array()  # NaN would spread around
         planes = np.empty((self.shape[2], *self.shape[:2]), self.dtype)
-        cv2.split(self.array(), list(planes))  # into memory that is there, a third of the time
+        cv2.split(pixels, list(planes))  # into memory that is there, a third of the time
+        if self.dtype == np.float32:
+            return planes, nothing, np.float32(1), 16
         unit = 1 / self.white
         if has_alpha(self):
             planes = planes * unit
             unit = np.float32(1)
             planes[:-1] *= planes[-1]
         return planes, nothing, unit, 8 if self.dtype == np.uint8 else 16
-
-    def _float_gray(self) -> Plane:
-        colours = colour_components(self.array())
-        return colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,7 +377,7 @@ def as_image(values: np.ndarray, image0: Image, image1: Image, t: float) -> Imag
     lowest, highest = view(image0).value_range
     if straight_alpha:
         values[..., :-1] *= highest / np.maximum(values[..., -1:], np.float32(1e-6))
-    image: Image = (values + rounding_offset(image0)).clip(lowest, highest).astype(image0.dtype)
+    image = (values + rounding_offset(image0)).clip(lowest, highest).astype(image0.dtype)
     if straight_alpha:
         colour_unseen(image, image0, image1, t)
     return image

@@ -118,7 +118,7 @@ class IlluminationModel:
         The result has the frames' `dtype`, rounded and clipped if that is an integer type.
         """
         gain, offset = (_at_pixels(values, image) for values in (self.gain, self.offset))
-        lit: Image = image * (1 + (gain - 1) * np.float32(t)) + offset * np.float32(t)
+        lit = image * (1 + (gain - 1) * np.float32(t)) + offset * np.float32(t)
         return lit if dtype == np.float32 else np.asarray(np.rint(lit.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
 
 
@@ -294,7 +294,7 @@ def _brightness(image: FrameCache, side: int, deviation: float) -> np.ndarray:
 
 def _smoothed(values: np.ndarray, deviation: float) -> np.ndarray:
     """Return values smoothed by a Gaussian, in the same shape."""
-    smooth: np.ndarray = cv2.GaussianBlur(values, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
+    smooth = cv2.GaussianBlur(values, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
     return smooth.reshape(values.shape)
 
 

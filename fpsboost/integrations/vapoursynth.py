@@ -183,7 +183,7 @@ class _Rgb:
     bits: int
 
     def image(self, frame: vs.VideoFrame) -> np.ndarray:
-        image: np.ndarray = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
+        image = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
         return image if self.bits in (8, 16, 32) else _scaled(image, (1 << self.bits) - 1, 65535)
 
     def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[np.ndarray]:

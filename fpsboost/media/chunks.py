@@ -111,7 +111,7 @@ class Chunk:
         """Yield the packets in decoding order, without stream and time base."""
         with ZipFile(self.path) as archive, archive.open(DATA) as data:
             for times, is_keyframe, size, side_data in _index_of(self.path)["packets"]:
-                packet: Packet = av.Packet(data.read(size))
+                packet = av.Packet(data.read(size))
                 packet.pts, packet.dts, packet.duration = times
                 packet.is_keyframe = is_keyframe
                 for kind, length in side_data:

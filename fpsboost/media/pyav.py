@@ -65,7 +65,7 @@ def trial_file() -> Iterator[Path]:
 
 def packet_of(data: bytes, stream: Stream, time_base: Fraction, begin: int, duration: int) -> Packet:
     """Return a packet of a stream that begins at a time, and lasts, in ticks of a time base."""
-    packet: Packet = av.Packet(data)
+    packet = av.Packet(data)
     packet.stream = stream
     packet.time_base = time_base
     packet.pts = packet.dts = begin

@@ -1,6 +1,5 @@
 """Sound encoders, and the sample rates, formats and layouts that they take."""
 
-from collections.abc import Collection
 from fractions import Fraction
 from operator import attrgetter
 from typing import Any
@@ -58,7 +57,7 @@ def traits_for(encoder: str, source: Traits) -> Traits:
     the source's bits, or floats for a lossy encoder, which do not clip.
     """
     codec = Codec(encoder, "w")
-    rates: Collection[int] = codec.audio_rates or ()
+    rates = codec.audio_rates or ()
     rate = min((higher for higher in rates if higher >= source[0]), default=max(rates, default=source[0]))
     offered = codec.audio_formats or [AudioFormat(source[1])]
     if codec.lossy:

@@ -95,7 +95,7 @@ def _motion_penalties(search_radius: int, per_pixel: float, dtype: type[np.numbe
     `per_pixel` is on the scale of the sums that the kernel compares.
     """
     lengths = np.abs(np.arange(-search_radius, search_radius + 1))
-    penalties: np.ndarray = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
+    penalties = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
     penalties.flags.writeable = False
     return penalties
 

@@ -293,7 +293,7 @@ def halved(image: Pixels) -> Pixels:
     def half(pixels: np.ndarray) -> np.ndarray:
         if pixels.shape[:2] == (height, width):
             return pixels
-        smoothed = np.empty_like(pixels)
+        smoothed = np.empty_like(pixels, order="C")
         smooth(np.atleast_3d(np.ascontiguousarray(pixels)), np.atleast_3d(smoothed))
         return cv2.resize(smoothed, (width, height), interpolation=cv2.INTER_AREA)
 

@@ -32,7 +32,7 @@ class StoredVectors(NamedTuple):
 
     def read(self, channels: np.ndarray) -> np.ndarray:
         """Return the vectors, (H, W, 2) float32, y down, of the two channels as stored, (H, W, 2)."""
-        scaled: np.ndarray = channels.copy()
+        scaled = channels.copy()
         scaled *= (self.x_sign, self.y_sign)
         return scaled
 

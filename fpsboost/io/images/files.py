@@ -119,7 +119,7 @@ def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = 
         if upright:
             orientation = spec.get_int_attribute("Orientation", 1)
     stored = with_red_and_blue_swapped(stored)
-    image: np.ndarray = stored[..., [0, 0, 0, 1]] if channels == 2 else stored
+    image = stored[..., [0, 0, 0, 1]] if channels == 2 else stored
     if photometric == WHITE_IS_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
         image = np.uint16(0xFFFF) - image
     if orientation in (2, 4, 5, 7):  # as EXIF numbers them

@@ -265,7 +265,7 @@ class ConfidenceWriter(SideWriter):
         self._place = self._place + 1
         if frame.confidence is None:
             return
-        values: np.ndarray = frame.confidence[..., np.newaxis]
+        values = frame.confidence[..., np.newaxis]
         if self._suffix == PICTURE:
             values = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
         path = Path(self._stem(place) + self._suffix)

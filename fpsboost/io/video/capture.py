@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -85,7 +84,7 @@ class CaptureSource(ArraySource):
     """
 
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:
-        camera: Any = int(path) if path.isdigit() and not Path(path).exists() else path
+        camera = int(path) if path.isdigit() and not Path(path).exists() else path
         self._capture = cv2.VideoCapture(camera)
         with undone_by(self._capture.release):
             if not self._capture.isOpened():

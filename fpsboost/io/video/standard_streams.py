@@ -48,7 +48,7 @@ class CountingReader:
     def read(self, size: int) -> bytes:
         """Return at most `size` bytes for FFmpeg; none at the end, and from the first exception on."""
         try:
-            data: bytes = b"" if self._error else self._stream.read(size)
+            data = b"" if self._error else self._stream.read(size)
         except BaseException as error:
             self._error = error
             data = b""
