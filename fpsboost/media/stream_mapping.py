@@ -248,7 +248,7 @@ def _headers_of(stream: Stream) -> tuple[bool, bool]:
 
     Nothing else may be done with the stream: FFmpeg forgets its codec where a decoder does not open, and may crash.
     """
-    context: Any = stream.codec_context
+    context = stream.codec_context
     if stream.type != "audio" or context is None:
         return True, context is not None
     try:
@@ -279,13 +279,13 @@ def add_copied(output: OutputContainer, stream: Stream, container: Container) ->
 
 def is_text(stream: Stream) -> bool:
     """Return whether a stream is text subtitles rather than bitmap subtitles."""
-    context: Any = stream.codec_context
+    context = stream.codec_context
     return context is not None and Properties.TEXT_SUB in Properties(context.codec.properties)
 
 
 def codec_of(stream: Stream) -> str:
     """Return FFmpeg's name of a stream's format."""
-    context: Any = stream.codec_context
+    context = stream.codec_context
     return str(context.codec.canonical_name) if context is not None else "unknown"
 
 
@@ -306,7 +306,7 @@ def keeps_data(container: Container, stream: Stream) -> bool:
 
 def _listed(container: Container, stream: Stream) -> bool:
     """Return whether the codec of a stream is in the container's list."""
-    context: Any = stream.codec_context
+    context = stream.codec_context
     return context is not None and container.holds(context.codec.name)
 
 

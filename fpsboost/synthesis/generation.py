@@ -50,7 +50,7 @@ def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequ
         f"The synthesizer {type(synthesizer).__name__} must yield an image for every time, like "
         f"`frame_pair.image0.array`: of shape {frame.shape} and {frame.dtype}"
     )
-    made: Any = synthesizer.synthesize(frame_pair, times)
+    made = synthesizer.synthesize(frame_pair, times)
     images = iter(made if isinstance(made, Iterable) else ())
     for number in range(len(times)):
         image = next(images, images)

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from fpsboost.errors import OutputError
+from fpsboost.errors import OutputError, undone_by
 from fpsboost.frame import Frame
 from fpsboost.image import Image
 from fpsboost.io.animation.source import opened
@@ -105,7 +105,8 @@ class AnimationSink(StagedSink):
         """Create the hidden file that is renamed at the end, and open its muxer; `OutputError` if it cannot be made."""
         with self._explained():
             self._file = self._temporary.open("x+b")
-        self._writer = self._type(self._file, self._plays, self._tick, self._code_points)
+        with undone_by(lambda: self._leave(None)):
+            self._writer = self._type(self._file, self._plays, self._tick, self._code_points)
         return self
 
     def write(self, frame: Frame) -> None:

@@ -13,6 +13,7 @@ from fpsboost import ClipInfo, Frame, InputError, MemoryLimit, OutputError, Timi
 from fpsboost.image import Image
 from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.animation.writers import GifWriter
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.media import OutputTiming
@@ -400,6 +401,14 @@ def test_an_animation_that_cannot_be_read_back_is_not_published(tmp_path, monkey
     with pytest.raises(OutputError, match=rf"out\{suffix} was not written because it cannot be read back; check"):
         write(tmp_path / f"out{suffix}", [scene(number) for number in range(3)])
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_stays_where_the_muxer_cannot_be_opened(tmp_path, monkeypatch):
+    """The hidden file is gone."""
+    monkeypatch.setattr(GifWriter, "muxer", "none")
+    with pytest.raises(ValueError, match="none"):
+        write(tmp_path / "out.gif", [scene(0)])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_default_image_is_no_frame(tmp_path):
