@@ -74,9 +74,15 @@ def compress_highlights(image: np.ndarray) -> np.ndarray:
     Otherwise the similarity of two frames of a brightly lit scene would be 0, and motion could not be estimated.
     """
     values = clipped(normalised(image))
-    if image.dtype == np.float32 and values.max(initial=0) > 1:
-        values = np.where(values > 1, 1 + HIGHLIGHT_SLOPE * np.log(np.maximum(values, 1)), values)
-    return values
+    if image.dtype != np.float32 or values.max(initial=0) <= 1:
+        return values
+    # in place, as to clear the memory of an image takes longer than to compute it
+    curve = values.clip(1)
+    np.log(curve, out=curve)
+    curve *= HIGHLIGHT_SLOPE
+    curve += 1
+    np.copyto(curve, values, where=values <= 1)
+    return curve
 
 
 def colour_components(image: np.ndarray) -> np.ndarray:
@@ -100,13 +106,17 @@ def compared_colours(image: np.ndarray) -> np.ndarray:
 
     Negative values and NaN count as black, infinity as the maximum.
     """
-    colours = image[..., : image.shape[2] - has_alpha(image)]
-    colours = np.maximum(np.nan_to_num(colours, nan=0.0, posinf=float(MAX_RATIO), neginf=0.0), 0)
-    compared = np.empty_like(image, np.float32)
-    scaled = np.minimum(colours * exposure_of(colours.mean(axis=2)), MAX_RATIO)
-    compared[..., : colours.shape[2]] = cv2.log(1 + STEEPNESS * scaled).reshape(scaled.shape) / np.log1p(STEEPNESS)
-    compared[..., colours.shape[2] :] = image[..., colours.shape[2] :]
-    return compared
+    colours = np.fmax(image[..., : image.shape[2] - has_alpha(image)], 0)  # of NaN, too
+    channels = colours.shape[2]
+    # in place, as above
+    np.minimum(colours, MAX_RATIO, out=colours)
+    colours *= exposure_of(cv2.transform(colours, np.full((1, channels), 1 / channels)))
+    np.minimum(colours, MAX_RATIO, out=colours)
+    colours *= STEEPNESS
+    colours += 1
+    cv2.log(colours, colours)
+    colours /= np.log1p(STEEPNESS)
+    return np.concatenate([colours, image[..., channels:]], axis=2) if has_alpha(image) else colours
 
 
 def exposure_of(light: np.ndarray) -> np.float32:

@@ -100,7 +100,7 @@ class Manifest:
         with explained(InputError, "read", folder / MANIFEST_NAME, advice):
             data = (folder / MANIFEST_NAME).read_bytes()
         try:
-            values: dict[str, Any] = json.loads(data)
+            values = json.loads(data)
             if values.pop("format") != FORMAT:
                 raise InputError(f"{folder} was made by another version of fpsboost; {advice}.")
             manifest: Self = from_json(cls, values)
