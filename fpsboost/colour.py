@@ -109,7 +109,7 @@ def compared_colours(image: np.ndarray) -> np.ndarray:
     colours = np.fmax(image[..., : image.shape[2] - has_alpha(image)], 0)  # of NaN, too
     channels = colours.shape[2]
     # in place, as above
-    np.minimum(colours, MAX_RATIO, out=colours)
+    colours[np.isinf(colours)] = MAX_RATIO
     colours *= exposure_of(cv2.transform(colours, np.full((1, channels), 1 / channels)))
     np.minimum(colours, MAX_RATIO, out=colours)
     colours *= STEEPNESS

@@ -160,7 +160,7 @@ def _merged(path: Path, rendered: Sequence[Path], frame: PlannedFrame, plan: Rer
         return content_of(rendered[0])
     mask = frame.mask(plan.height, plan.width)
     weights = seam_weights(mask, feather)
-    picture: FrameImage = view(made).deep_copy()  # with the rendered regions, without seams
+    picture = view(made).deep_copy()  # with the rendered regions, without seams
     for region, file in zip(frame.regions, rendered, strict=True):
         image = template.read(file)
         part = _part(file, image, region, path, made)

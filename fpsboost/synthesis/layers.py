@@ -170,14 +170,14 @@ def _mix_linear(
     The share s is the largest for which ``smooth + s (sharp - smooth)`` is within the range of every plane: that of its
     two frames or, around values brighter than white, of the places that each pixel comes from.
     """
-    share = None
-    results = list[Mixed]()
+    share = np.ones(pairs[0][0].shape, np.float32)
+    planes = list[tuple[np.ndarray, np.ndarray]]()
     ranges = list[tuple[np.float32, np.float32]]()
     for begin in range(0, len(pairs), PLANES_AT_ONCE):
         group = [(_numbers(plane0), _numbers(plane1)) for plane0, plane1 in pairs[begin : begin + PLANES_AT_ONCE]]
-        mixed = mix([plane0 for plane0, _ in group], [plane1 for _, plane1 in group])
-        results.append(mixed)
-        share = np.ones(mixed.sharp.shape[1:], np.float32) if share is None else share
+        planes0, planes1 = zip(*group, strict=True)
+        mixed = mix(planes0, planes1)
+        planes += zip(*mixed, strict=True)
         for (plane0, plane1), sharp, smooth in zip(group, *mixed, strict=True):
             lowest = min(plane0.min(), plane1.min())
             highest = max(plane0.max(), plane1.max())
@@ -192,10 +192,13 @@ def _mix_linear(
                 span = sharp[beyond] - smooth[beyond]
                 allowed = np.divide(limit - smooth[beyond], span, out=np.zeros_like(span), where=span != 0)
                 share[beyond] = np.minimum(share[beyond], allowed.clip(0, 1))
-    planes = (plane for mixed in results for plane in zip(*mixed, strict=True))
-    values = (smooth + share * (sharp - smooth) for sharp, smooth in planes)
-    # the clip removes only the excess by rounding
-    return [each.clip(*limits) for each, limits in zip(values, ranges, strict=True)]
+    made = []
+    for (sharp, smooth), limits in zip(planes, ranges, strict=True):
+        values = sharp - smooth
+        values *= share
+        values += smooth
+        made.append(values.clip(*limits, out=values))  # of the excess by rounding alone
+    return made
 
 
 def _mix_normals(pairs: Sequence[tuple[np.ndarray, np.ndarray]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:

@@ -44,7 +44,7 @@ from fpsboost.synthesis.fusion_table import fusion_coefficients
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.pair_context import context_at, find_context
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
-from fpsboost.synthesis.spline_samples import spline_samples, values_as_samples
+from fpsboost.synthesis.spline_samples import sharp_and_smooth_samples, spline_samples
 from fpsboost.synthesis.votes import collect_votes
 
 Fusion = Literal["learnt", "plain"]
@@ -241,28 +241,23 @@ class MultiHypothesis(Checked):
 
     def _mix_planes(self, inputs: BlendInput, surfaces: _Surfaces | None, planes0: Planes, planes1: Planes) -> Mixed:
         """Mix planes of both frames with the weights that the pictures have."""
-        samples = [spline_samples(np.dstack(planes))[0] for planes in (planes0, planes1)]
-        height, width = planes0[0].shape
-        numbers = np.finfo(np.float32)
-        mixed = []
-        for sampled0, sampled1 in (samples, [values_as_samples(each) for each in samples]):
-            _, pixels, _ = view(inputs.pair.image0.pixels).blank()
-            output = np.empty((len(planes0), height, width), np.float32)
-            blend_hypotheses(
-                inputs.full,
-                PlaneGroup(sampled0, sampled1, 1, 1),
-                inputs.t,
-                inputs.candidates,
-                inputs.weighting,
-                inputs.context,
-                ValueRange(1.0, 0.0, numbers.min, numbers.max, False),
-                Blended(pixels, output, np.empty((0, 0), np.float32)),
-            )
-            if surfaces is not None:
-                along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
-                output += surfaces.share * (along - output)
-            mixed.append(output)
-        return Mixed(*mixed)
+        samples0, samples1 = map(sharp_and_smooth_samples, (planes0, planes1))
+        pixels = view(inputs.pair.image0.pixels).blank()[1]
+        output = np.empty(samples0.planes.shape, np.float32)
+        blend_hypotheses(
+            inputs.full,
+            PlaneGroup(samples0, samples1, 1, 1),
+            inputs.t,
+            inputs.candidates,
+            inputs.weighting,
+            inputs.context,
+            ValueRange(1.0, 0.0, -np.inf, np.inf, False),
+            Blended(pixels, output, np.empty((0, 0), np.float32)),
+        )
+        if surfaces is not None:
+            along, _ = surfaces.motion.mix(samples0.coefficients, samples1.coefficients)
+            output += surfaces.share * (along - output)
+        return Mixed(*np.split(output, 2))
 
     def _find_sources(self, inputs: BlendInput, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that each pixel is taken from, along the motion with the largest weight."""

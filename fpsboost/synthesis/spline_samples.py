@@ -1,5 +1,8 @@
 """Planes of an image with the coefficients of their splines, from which in-between frames are sampled."""
 
+from collections.abc import Sequence
+
+import cv2
 import numpy as np
 
 from fpsboost.image import Pixels, view
@@ -20,18 +23,29 @@ def spline_samples(image: Pixels) -> tuple[Samples, Samples]:
 
 def _with_coefficients(planes: np.ndarray, unit: np.float32, bits: int) -> Samples:
     """Return planes with their spline coefficients, computed to a quarter of a level of the image's `bits`."""
-    planes = np.ascontiguousarray(planes)
-    channels, height, width = planes.shape
-    if not channels:
+    if not planes.size:
         return Samples(planes, np.empty(planes.shape, np.float32), 1.0)
-    coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    coefficients = _empty_coefficients(planes)
     find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 2)), coefficients)
     return Samples(planes, coefficients, unit)
 
 
-def values_as_samples(samples: Samples) -> Samples:
-    """Return samples with their values as coefficients: the spline then smooths, and never overshoots."""
-    _, _, columns = samples.coefficients.shape
-    beyond = columns - MARGIN - samples.planes.shape[2]
-    values = np.pad(samples.planes, ((0, 0), (MARGIN, MARGIN), (MARGIN, beyond)), "edge")
-    return samples._replace(coefficients=values)
+def sharp_and_smooth_samples(planes: Sequence[np.ndarray]) -> Samples:
+    """Return float planes twice: with their spline coefficients, and with their values in place of these.
+
+    The spline then smooths, and never overshoots.
+    """
+    both = np.stack([*planes, *planes])
+    coefficients = _empty_coefficients(both)
+    count = len(planes)
+    find_coefficients(both[:count], 1.0, filter_weights(2.0**-18), coefficients[:count])
+    for plane, values in zip(planes, coefficients[count:], strict=True):
+        right = values.shape[1] - MARGIN - plane.shape[1]
+        cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, right, cv2.BORDER_REPLICATE, values)
+    return Samples(both, coefficients, 1.0)
+
+
+def _empty_coefficients(planes: np.ndarray) -> np.ndarray:
+    """Return room for the coefficients of planes, (C, H, W)."""
+    channels, height, width = planes.shape
+    return aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
