@@ -85,6 +85,11 @@ def compress_highlights(image: np.ndarray) -> np.ndarray:
     return curve
 
 
+def compressed(image: np.ndarray) -> np.ndarray:
+    """Return an image of whole numbers as it is, and one of floats by `compress_highlights`."""
+    return compress_highlights(image) if image.dtype == np.float32 else image
+
+
 def colour_components(image: np.ndarray) -> np.ndarray:
     """Return colours, (H, W, 3) float32, with highlights compressed; those of gray images have the other two zero.
 

@@ -14,16 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.colour import (
-    MAX_VALUE,
-    Coding,
-    clipped,
-    colour_components,
-    compress_highlights,
-    has_alpha,
-    normalised,
-    premultiplied,
-)
+from fpsboost.colour import Coding, clipped, colour_components, compressed, has_alpha, normalised, premultiplied
 from fpsboost.errors import InputError
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
@@ -146,7 +137,7 @@ class ImageView:
 
     def float_luma(self) -> Plane:
         """Return luma on the 8-bit scale, (H, W) float32, not clipped."""
-        colours = compress_highlights(self.array()) if self.dtype == np.float32 else self.array()
+        colours = compressed(self.array())
         luma: Plane = colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
         luma = luma * (255 / self.white)
         if has_alpha(self):
@@ -181,7 +172,7 @@ class ImageView:
         """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
         values = premultiplied(self.array())
         # damaged files hold numbers whose squares overflow
-        return values.clip(-MAX_VALUE, MAX_VALUE) if self.dtype == np.float32 else values / self.white
+        return clipped(values) if self.dtype == np.float32 else values / self.white
 
     def channels(self) -> list[Plane]:
         """Return luma and chroma, or all channels but alpha, in the image's own type."""
@@ -209,10 +200,8 @@ class ImageView:
         pixels = normalised(self.array()) if self.dtype == np.float32 else self.array()  # NaN would spread around
         planes = np.empty((self.shape[2], *self.shape[:2]), self.dtype)
         cv2.split(pixels, list(planes))  # into memory that is there, a third of the time
-        if self.dtype == np.float32:
-            return planes, nothing, np.float32(1), 16
         unit = 1 / self.white
-        if has_alpha(self):
+        if has_alpha(self) and self.dtype != np.float32:
             planes = planes * unit
             unit = np.float32(1)
             planes[:-1] *= planes[-1]
