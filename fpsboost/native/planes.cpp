@@ -225,8 +225,10 @@ template <typename T, typename Sum> void smooth_rows(const Smooth &args, Workspa
     T *__restrict target = smoothed.ptr(y);
     for (Int x = 0; x < values; x++) {
       const Sum sum = filtered(from[x - 2 * step], from[x - step], from[x], from[x + step], from[x + 2 * step]);
-      if constexpr (Sum(0.5f) > 0) target[x] = sum / 256;
-      else target[x] = T(Sum(sum + 128) >> 8);
+      if constexpr (Sum(0.5f) > 0)
+        target[x] = sum / 256;
+      else
+        target[x] = T(Sum(sum + 128) >> 8);
     }
   }
 }
