@@ -56,12 +56,12 @@ class ValueRange(NamedTuple):
 class Blended(NamedTuple):
     """Generated frame."""
 
-    image: Annotated[Array, "out uint8|uint16|float32 (planes, height, width) strided"]
+    image: Annotated[Array, "out uint8|uint16|float32 (sampled, height, width) strided"]
     """Planes at full resolution, in any order of the axes."""
     further: Annotated[
         Array,
         "out uint8|uint16|float32 "
-        "(planes, own_height == height or planes == 0, own_width == width or planes == 0) strided",
+        "(sampled, own_height == height or planes == 0, own_width == width or planes == 0) strided",
         "further",
     ]
     """Planes that are sampled along, any number."""

@@ -16,10 +16,11 @@ class Samples(NamedTuple):
     """Values."""
     coefficients: Annotated[
         Array,
-        "float32 (planes, tall == height + 2 * MARGIN or planes == 0, "
+        "float32 (sampled == planes or sampled == 2 * planes, tall == height + 2 * MARGIN or planes == 0, "
         "wide >= width + 2 * MARGIN + SPARE or planes == 0)",
     ]
-    """Coefficients of the values times `unit`, with repeated edges; of any size if there are no planes."""
+    """Coefficients of the values times `unit`, with repeated edges; of any size if there are no planes. A second set is
+    sampled as further planes."""
     unit: Float
 
 

@@ -53,7 +53,7 @@ struct LayerSamples {
   LayerSamples(const PlaneGroup &layer, Int band_planes, Int columns, Workspace &workspace)
       : coefficients{View<const float, 3>(layer.frame0.coefficients), View<const float, 3>(layer.frame1.coefficients)},
         planes{layer.frame0.planes, layer.frame1.planes}, unit{layer.frame0.unit, layer.frame1.unit},
-        channels(layer.frame0.planes.shape[0]), down(layer.down), across(layer.across), wide(WINDOW / across),
+        channels(layer.frame0.coefficients.shape[0]), down(layer.down), across(layer.across), wide(WINDOW / across),
         tall(WINDOW / down), size(wide * tall), mixed(workspace.take<float>(channels * size)),
         change(workspace.take<float>(channels * size)), total(workspace.take<float>(channels * size)) {
     band.data = workspace.take<float>(band_planes * tall * columns);
@@ -232,8 +232,8 @@ inline void fetch_window(const LayerSamples &layer, int n, Int c, Position posit
   const View<const float, 3> &plane = layer.coefficients[n];
   if (is_whole(position))
     with_pixel_type(layer.planes[n].kind, [&](auto pixel) {
-      copy_window<decltype(pixel)>(layer.planes[n], layer.unit[n], c, Int(position.y) - MARGIN,
-                                   Int(position.x) - MARGIN, layer.wide, layer.tall, out);
+      copy_window<decltype(pixel)>(layer.planes[n], layer.unit[n], c % layer.planes[n].shape[0],
+                                   Int(position.y) - MARGIN, Int(position.x) - MARGIN, layer.wide, layer.tall, out);
     });
   else
     filter_rigid(plane.ptr(c), plane.shape[2], position, sharpening_at(t), layer.wide, layer.tall, out);

@@ -136,7 +136,7 @@ def mix_layers(
     ]
     find_sources = cache(find_sources)
     mixed = _mix_linear([*zip(*colours, strict=True), *linear], mix, find_sources)
-    colour = np.stack(mixed[: len(colours[0])], axis=-1)
+    colour = cv2.merge(mixed[: len(colours[0])]).reshape(layered[0].colour.shape)
     linear_made = iter(mixed[len(colours[0]) :])
     output = []
     for layer0, layer1 in _pairs(layered):

@@ -243,7 +243,7 @@ class MultiHypothesis(Checked):
         """Mix planes of both frames with the weights that the pictures have."""
         samples0, samples1 = map(sharp_and_smooth_samples, (planes0, planes1))
         pixels = view(inputs.pair.image0.pixels).blank()[1]
-        output = np.empty(samples0.planes.shape, np.float32)
+        output = np.empty((2 * len(planes0), *planes0[0].shape), np.float32)
         blend_hypotheses(
             inputs.full,
             PlaneGroup(samples0, samples1, 1, 1),

@@ -25,27 +25,26 @@ def _with_coefficients(planes: np.ndarray, unit: np.float32, bits: int) -> Sampl
     """Return planes with their spline coefficients, computed to a quarter of a level of the image's `bits`."""
     if not planes.size:
         return Samples(planes, np.empty(planes.shape, np.float32), 1.0)
-    coefficients = _empty_coefficients(planes)
+    coefficients = _empty_coefficients(*planes.shape)
     find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 2)), coefficients)
     return Samples(planes, coefficients, unit)
 
 
 def sharp_and_smooth_samples(planes: Sequence[np.ndarray]) -> Samples:
-    """Return float planes twice: with their spline coefficients, and with their values in place of these.
+    """Return float planes with two sets of coefficients: those of their splines, and their values in place of these.
 
-    The spline then smooths, and never overshoots.
+    With the second ones, the spline smooths, and never overshoots.
     """
-    both = np.stack([*planes, *planes])
-    coefficients = _empty_coefficients(both)
-    count = len(planes)
-    find_coefficients(both[:count], 1.0, filter_weights(2.0**-18), coefficients[:count])
-    for plane, values in zip(planes, coefficients[count:], strict=True):
-        right = values.shape[1] - MARGIN - plane.shape[1]
-        cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, right, cv2.BORDER_REPLICATE, values)
-    return Samples(both, coefficients, 1.0)
+    values = np.stack(planes)
+    count, height, width = values.shape
+    coefficients = _empty_coefficients(2 * count, height, width)
+    find_coefficients(values, 1.0, filter_weights(2.0**-18), coefficients[:count])
+    for plane, padded in zip(values, coefficients[count:], strict=True):
+        right = padded.shape[1] - MARGIN - width
+        cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, right, cv2.BORDER_REPLICATE, padded)
+    return Samples(values, coefficients, 1.0)
 
 
-def _empty_coefficients(planes: np.ndarray) -> np.ndarray:
-    """Return room for the coefficients of planes, (C, H, W)."""
-    channels, height, width = planes.shape
-    return aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+def _empty_coefficients(count: int, height: int, width: int) -> np.ndarray:
+    """Return room for the coefficients of planes of a size."""
+    return aligned_empty((count, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
