@@ -12,7 +12,7 @@ import numpy as np
 from av import VideoFormat, VideoFrame
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.colour import Coding, bgr_to_ycc, inverse_affine, luma_weights
+from fpsboost.colour import Coding, bgr_to_ycc, inverse_affine, luma_weights, normalised
 from fpsboost.frame import Frame
 from fpsboost.image import Image, Pixels, YCbCrImage, view
 from fpsboost.media import (
@@ -83,11 +83,12 @@ def packed_format(dtype: np.dtype[Any], *, alpha: bool) -> str:
 
 def straight_16_bit(image: Image) -> Image:
     """Convert a float image to 16 bits, clipped to [0, 1]; premultiplied alpha becomes straight."""
-    values = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
+    values = normalised(image)
     if image.shape[2] in (2, 4):
         alpha = values[..., -1:]
         values = np.concatenate([values[..., :-1] / np.maximum(alpha, np.float32(1e-6)), alpha], axis=-1)
-    return np.asarray(np.rint(np.clip(values, 0, 1) * np.float32(65535)).astype(np.uint16))
+    values = values.clip(0, 1)
+    return cv2.addWeighted(values, 65535, values, 0, 0, dtype=cv2.CV_16U).reshape(image.shape)  # rounded
 
 
 def from_bgr(
