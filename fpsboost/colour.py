@@ -111,7 +111,7 @@ def compared_colours(image: np.ndarray) -> np.ndarray:
 
     Negative values and NaN count as black, infinity as the maximum.
     """
-    colours = np.fmax(image[..., : image.shape[2] - has_alpha(image)], 0)  # of NaN, too
+    colours = np.fmax(image[..., : image.shape[2] - has_alpha(image)], 0)  # 0 for NaN, too
     channels = colours.shape[2]
     # in place, as above
     colours[np.isinf(colours)] = MAX_RATIO

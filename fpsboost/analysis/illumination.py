@@ -228,6 +228,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.nd
     brightness0, brightness1 = (image.derived(_brightness, side, reach) for image in (image0, image1))
     is_changed = np.abs(np.log(brightness1 / brightness0)) > LOCAL_MIN_CHANGE
     even0, even1 = (image.derived(_components_without_light, side) for image in (image0, image1))
+    # of patches that stay where they are, as a search would find it
     similarity = cv2.exp(np.square(even1 - even0).sum(axis=2) * np.float32(-0.5 / BANDWIDTH**2))
     at_rest = cv2.blur(similarity, (2 * PATCH_RADIUS + 1,) * 2)
     if not (is_changed & (at_rest > LOCAL_MIN_AT_REST)).any():
