@@ -16,6 +16,7 @@ import numpy as np
 from av.format import Flags
 
 from fpsboost.media.pyav import open_input
+from fpsboost.threads import available_cores
 
 COMPARED_FRAMES = 40
 """Frames whose colours are compared: the first ones that both files show at one time."""
@@ -65,7 +66,9 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         base = Fraction(stream.time_base)
         has_times = Flags.no_timestamps not in Flags(file.format.flags) or file.format.name == "m4v"  # in its codec
         raw_rate = None if has_times else Fraction(stream.guessed_rate)
-        stream.thread_type = "AUTO"  # as fpsboost does: what a decoder makes of damage depends on its threads
+        # as fpsboost does: what a decoder makes of damage depends on its threads, and with several of them on chance
+        stream.thread_type = "AUTO"
+        stream.thread_count = max(1, available_cores() // 4)
         for packet in _packets(file):
             if packet.stream.index in video.sound and packet.size and packet.pts is not None:
                 time = packet.pts * Fraction(packet.time_base)
