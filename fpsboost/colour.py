@@ -68,13 +68,16 @@ def premultiplied(image: np.ndarray) -> np.ndarray:
     return values
 
 
-def compress_highlights(image: np.ndarray) -> np.ndarray:
-    """Return the `normalised` image with a logarithmic curve above white, where contrast matters, not difference.
+def soft_clipped(image: np.ndarray) -> np.ndarray:
+    """Return an image of floats with a logarithmic curve above white, one of whole numbers as it is.
 
-    Otherwise the similarity of two frames of a brightly lit scene would be 0, and motion could not be estimated.
+    Contrast matters in highlights, not difference: otherwise the similarity of two frames of a brightly lit scene would
+    be 0, and motion could not be estimated. NaN and infinity are those of `normalised`.
     """
+    if image.dtype != np.float32:
+        return image
     values = clipped(normalised(image))
-    if image.dtype != np.float32 or values.max(initial=0) <= 1:
+    if values.max(initial=0) <= 1:
         return values
     # in place, as to clear the memory of an image takes longer than to compute it
     curve = values.clip(1)
@@ -85,17 +88,12 @@ def compress_highlights(image: np.ndarray) -> np.ndarray:
     return curve
 
 
-def compressed(image: np.ndarray) -> np.ndarray:
-    """Return an image of whole numbers as it is, and one of floats by `compress_highlights`."""
-    return compress_highlights(image) if image.dtype == np.float32 else image
-
-
 def colour_components(image: np.ndarray) -> np.ndarray:
     """Return colours, (H, W, 3) float32, with highlights compressed; those of gray images have the other two zero.
 
     They are multiplied by alpha, so that the colour of a transparent pixel has no influence.
     """
-    values = compress_highlights(image)
+    values = normalised(soft_clipped(image))
     if has_alpha(image):
         values = np.einsum("yxc,yx->yxc", values[..., :-1], values[..., -1])
     return np.dstack([values, np.zeros_like(values), np.zeros_like(values)]) if values.shape[2] == 1 else values

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.colour import Coding, clipped, colour_components, compressed, has_alpha, normalised, premultiplied
+from fpsboost.colour import Coding, clipped, colour_components, has_alpha, normalised, premultiplied, soft_clipped
 from fpsboost.errors import InputError
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
@@ -137,7 +137,7 @@ class ImageView:
 
     def float_luma(self) -> Plane:
         """Return luma on the 8-bit scale, (H, W) float32, not clipped."""
-        colours = compressed(self.array())
+        colours = soft_clipped(self.array())
         luma: Plane = colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
         luma = luma * (255 / self.white)
         if has_alpha(self):

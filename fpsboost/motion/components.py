@@ -10,7 +10,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from fpsboost.colour import compressed
+from fpsboost.colour import soft_clipped
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, view
 from fpsboost.kernels.constants import HIGH_PASS_SIZE, LANES
@@ -88,7 +88,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> np.ndarray
     seen = view(image)
     target = level_scale(bandwidth), ZERO_LEVEL, padding, planes
     if seen.coding is None:
-        split_colours(np.ascontiguousarray(compressed(seen.array())), 1 / seen.white, *target)
+        split_colours(np.ascontiguousarray(soft_clipped(seen.array())), 1 / seen.white, *target)
     else:
         black, luma_span, neutral, chroma_span = seen.coding.levels
         levels = CodeLevels(black, 1 / luma_span, neutral, 1 / chroma_span)
