@@ -16,7 +16,7 @@ import numpy as np
 from av.format import Flags
 
 from fpsboost.media.pyav import open_input
-from fpsboost.threads import available_cores
+from fpsboost.threads import decoder_threads
 
 COMPARED_FRAMES = 40
 """Frames whose colours are compared: the first ones that both files show at one time."""
@@ -68,7 +68,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         raw_rate = None if has_times else Fraction(stream.guessed_rate)
         # as fpsboost does: what a decoder makes of damage depends on its threads, and with several of them on chance
         stream.thread_type = "AUTO"
-        stream.thread_count = max(1, available_cores() // 4)
+        stream.thread_count = decoder_threads()
         for packet in _packets(file):
             if packet.stream.index in video.sound and packet.size and packet.pts is not None:
                 time = packet.pts * Fraction(packet.time_base)

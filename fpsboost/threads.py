@@ -42,6 +42,11 @@ def available_cores() -> int:
         return os.cpu_count() or 1
 
 
+def decoder_threads() -> int:
+    """Return the number of threads of a decoder: it has little to do, and each of them holds frames of its own."""
+    return max(1, available_cores() // 4)
+
+
 @atexit.register
 def _stop_all() -> None:
     """Stop the threads of blocks that are never left: none may run while the interpreter is taken apart."""

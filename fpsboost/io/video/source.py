@@ -23,7 +23,7 @@ from fpsboost.media import (
 )
 from fpsboost.memory import MemoryLimit
 from fpsboost.options import PathName
-from fpsboost.threads import available_cores
+from fpsboost.threads import decoder_threads
 
 
 class VideoSource(Clip):
@@ -80,8 +80,7 @@ class VideoSource(Clip):
             allow_playlists=decoding.allow_playlists,
             force_colours=decoding.force_colours,
             end=None if decoding.trim.end is None else decoding.trim.end.seconds,
-            # a quarter of the cores: the decoder has little to do, and every thread holds frames of its own
-            threads=max(1, available_cores() // 4),
+            threads=decoder_threads(),
             check_size=(limit or MemoryLimit()).check,
         )
         super().__init__(path, reading)
