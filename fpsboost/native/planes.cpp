@@ -211,6 +211,7 @@ template <typename T, typename Sum> void smooth_rows(const Smooth &args, Workspa
   const Int height = image.shape[0], step = image.shape[2], values = image.shape[1] * step;
   Sum *__restrict line = workspace.take<Sum>(values + 4 * step) + 2 * step;  // filtered along y, with edges repeated
   if (workspace.is_counting()) return;
+  constexpr bool rounds = Sum(0.5f) == 0;  // sums of whole numbers, that is, and not those of floats
   auto filtered = [](Sum a, Sum b, Sum c, Sum d, Sum e) INLINE_LAMBDA {
     const Sum outer = Sum(a + e), inner = Sum(b + d);
     return Sum(Sum(outer + Sum(4) * inner) + Sum(6) * c);
@@ -225,10 +226,10 @@ template <typename T, typename Sum> void smooth_rows(const Smooth &args, Workspa
     T *__restrict target = smoothed.ptr(y);
     for (Int x = 0; x < values; x++) {
       const Sum sum = filtered(from[x - 2 * step], from[x - step], from[x], from[x + step], from[x + 2 * step]);
-      if constexpr (Sum(0.5f) > 0)
-        target[x] = sum / 256;
-      else
+      if constexpr (rounds)
         target[x] = T(Sum(sum + 128) >> 8);
+      else
+        target[x] = sum / 256;
     }
   }
 }
